@@ -147,8 +147,8 @@ def paired(logs: Sequence[Log], simulation: LogLike | Sequence[LogLike]) -> list
     files = as_logs(simulation)
     if len(files) != len(logs):
         raise InputError(
-            f"there are {len(logs)} runs and {len(files)} files of a simulation; give one file for "
-            "each run, in the order of the runs"
+            "a simulation has one file for each run, in the order of the runs: runs are "
+            f"{len(logs)}, its files {len(files)}; give as many"
         )
     return files
 

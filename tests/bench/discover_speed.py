@@ -66,12 +66,9 @@ class Stages:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.set_description("end")
+        self.say("end")
 
-    def update(self) -> None:
-        """Nothing to count."""
-
-    def set_description(self, what: str) -> None:
+    def say(self, what: str) -> None:
         here = now()
         self.seconds[self.said] = self.seconds.get(self.said, 0.0) + here - self.begun
         self.begun, self.said = here, what
@@ -80,7 +77,7 @@ class Stages:
 
 
 def discovered(logs: list[flexspline.Log], threads: int, before_log: float) -> None:
-    discovering.tqdm = Stages  # type: ignore[assignment,misc]
+    discovering.Progress = Stages  # type: ignore[assignment,misc]
     before, begun = peak(), now()
     found = flexspline.discover(
         discover_log.BASE,

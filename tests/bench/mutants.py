@@ -58,6 +58,8 @@ PARTS = (
     "simulation",
     "simulator.py",
     "forward",
+    "fleet",
+    "tracking",
 )
 SEED, NUMBER = 16, 200
 LONGER, LONGER_BY = 4.0, 30.0  # times, and s: the processor time that a mutant may take

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
-from flexspline.logs.checks.samples import unwrapped
+from flexspline.logs.checks.samples import STRETCH_ROWS, STRETCHES, unwrapped
 from flexspline.logs.repairs import REPAIRS, repaired
 
 Array = NDArray[np.float64]
@@ -451,3 +451,33 @@ def test_a_wrap_is_seen_in_whatever_row_it_is(row: int) -> None:
     (finding,) = found.named("wrapped_angle")
     assert finding.rows[0] == row
     np.testing.assert_allclose(unwrapped(wrapped), angle + np.pi, atol=1e-12)
+
+
+def test_a_long_log_of_which_stretches_are_looked_at_has_its_ratio() -> None:
+    """From one stretch to the next the motor goes on by about a turn: that is no wrap."""
+    count, ratio = 2 * STRETCHES * STRETCH_ROWS, 100.0
+    first = np.linspace(0, count - STRETCH_ROWS, STRETCHES).astype(int)
+    time = np.arange(count) / 1000.0
+    velocity = np.sin(2.0 * np.pi * time / 2.5)  # whole periods in a stretch
+    between = first[1] - (first[0] + STRETCH_ROWS - 1)
+    drift = 2.0 * np.pi / ratio / between * 1000.0
+    position = 2.5 / (2.0 * np.pi) * (1.0 - np.cos(2.0 * np.pi * time / 2.5)) + drift * time
+    log = Log.from_arrays(
+        time=time,
+        output_position=position,
+        output_velocity=velocity + drift,
+        motor_position=ratio * position,
+        facts={"gear_ratio": ratio, "output_spline": "flex"},
+    )
+    jumps = log["motor_position"][first[1:]] - log["motor_position"][first[:-1] + STRETCH_ROWS - 1]
+    assert (abs(abs(jumps) - 2.0 * np.pi) < 0.5).any()
+    assert not check(log).named("gear_ratio")
+
+
+def test_a_wrapped_angle_is_unwrapped_beside_rows_without_a_value() -> None:
+    true = np.linspace(0.0, 30.0, 400)
+    wrapped = true % (2.0 * np.pi)
+    wrapped[[40, 82, 83, 85, 251]] = np.nan  # the first wrap lies at row 84
+    known = np.isfinite(wrapped)
+    assert np.allclose(unwrapped(wrapped)[known], true[known])
+    assert np.isnan(unwrapped(wrapped)[~known]).all()

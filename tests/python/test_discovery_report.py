@@ -19,6 +19,7 @@ from flexspline.discovery.analysis import Rival
 from flexspline.discovery.assemble import where
 from flexspline.discovery.candidates import EXCLUDED
 from flexspline.discovery.confirmation import AlsoSeen
+from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import BY_NAMES, LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook, plan_sentence
@@ -29,6 +30,7 @@ from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
 from flexspline.report.discovery import (
     also_seen_sentences,
+    channel_rows,
     discovery_call,
     effect_lines,
     remarks,
@@ -145,15 +147,15 @@ def test_the_call_that_makes_it_again_leaves_out_what_was_left_out() -> None:
 def test_the_call_that_makes_it_again_has_the_bandwidth_and_the_orders_of_the_base() -> None:
     said = discovery_call(found())
     assert "bandwidth=" not in said and "orders=" not in said
-    fit = found().fit
     ripple = flexspline.effect("output_ripple", orders=[1, 3])
-    values = np.append(fit.part.coefficients, np.zeros(len(ripple.terms)))
-    part = replace(fit.part, effects=(*fit.part.effects, ripple), coefficients=values)
-    smoothed = replace(
-        found(),
-        base_effects=(*found().base_effects, "output_ripple"),
-        fit=replace(fit, bandwidth=12.5, part=part),
+    fit = SimpleNamespace(
+        lowpass=None,
+        bandwidth=12.5,
+        parameters=(),
+        part=SimpleNamespace(effects=[ripple], simulated=None),
+        model=found().model,
     )
+    smoothed = replace(found(), base_effects=("output_ripple",), fit=cast(Any, fit))
     said = discovery_call(smoothed)
     assert "    bandwidth=12.5,\n" in said and "    orders={'output_ripple': [1, 3]},\n" in said
 
@@ -439,7 +441,7 @@ def test_a_headline_names_what_explains_the_runs_as_well() -> None:
     (one,) = found().found
     either = replace(one, confidence=0.4, indistinguishable_from=("gravity",))
     said = verdict(replace(found(), found=(either,)))
-    assert "may lack motor_crosstalk or gravity at 40 %: RMSE" in said
+    assert "may lack motor_crosstalk (or gravity) at 40 %: RMSE" in said
     several = replace(either, indistinguishable_from=("gravity", "cogging"))
     assert "may lack motor_crosstalk at 40 %: RMSE" in verdict(replace(found(), found=(several,)))
 
@@ -501,3 +503,12 @@ def test_a_stretch_of_few_rows_tells_no_order_wherever_it_lies() -> None:
     angle = np.cumsum(velocity) / 200.0
     short = log.with_columns({"output_position": angle, "output_velocity": velocity}, note="short")
     assert order_bands([short], [[np.ones(len(log))]]) == []
+
+
+def test_the_table_of_channels_says_what_was_found_late() -> None:
+    made = found()
+    fault = DataFault("run 1", "load_delay", LOAD, 0.0015, "s", (0, 100), "It is late.")
+    other = replace(fault, size=0.0025, run="run 2")
+    rows = channel_rows(replace(made, data_faults=(fault, other)))
+    cells = {row[0].split()[0]: row[4] for row in rows}
+    assert cells[LOAD] == "2" and {v for k, v in cells.items() if k != LOAD} <= {"–"}

@@ -112,6 +112,19 @@ def test_a_run_in_pieces_tells_what_the_whole_tells(
     assert np.all(np.abs(one.values - other.values) < 0.3 * one.errors)
 
 
+def test_an_end_of_less_than_a_tenth_of_a_piece_is_left_out_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = run_of(MEAN, np.random.default_rng(13), 8.38)  # 2095 rows
+    whole = sums_of(log, tmp_path)
+    assert whole.seconds == pytest.approx(log.duration)
+    monkeypatch.setattr(accumulators, "LARGE", 1)
+    monkeypatch.setattr(accumulators, "PIECE", 1000)
+    pieces = sums_of(log, tmp_path)
+    assert "the last 95 rows are no piece of their own, and do not count" in pieces.remarks
+    assert pieces.seconds == pytest.approx(2 * 999 / 250)
+
+
 def test_sums_are_a_few_kilobytes_however_long_the_run(tmp_path: Path) -> None:
     run = sums_of(run_of(MEAN, np.random.default_rng(6), 400.0), tmp_path)
     assert len(run.packed) <= MOST_BLOCKS
@@ -195,6 +208,16 @@ def test_the_pilot_tells_shapes_and_orders_and_the_plan_holds_them(tmp_path: Pat
     made = fit(effects(), sessions[0].path, "sensor_torque")
     of_model = plan_of_model(made.model, None, "x")
     assert of_model.effects == made.part.effects
+
+
+def test_a_pilot_with_many_runs_is_fitted_to_its_longest(tmp_path: Path) -> None:
+    rng = np.random.default_rng(12)
+    (tmp_path / "joint01").mkdir()
+    for number, seconds in enumerate((6.0, 12.0, 10.0, 8.0), 1):
+        log = run_of(MEAN, rng, seconds, name=f"run{number}")
+        write_log(log, tmp_path / "joint01" / f"run{number}.csv")
+    plan = plan_of_pilot(NAMES, sessions_of(tmp_path).sessions, "sensor_torque")
+    assert "joint01 (run2, run3, run4)" in plan.pilot
 
 
 @pytest.mark.parametrize(

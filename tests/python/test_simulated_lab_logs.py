@@ -33,14 +33,16 @@ def hidden_viscous(folder: Path, *, acceleration: bool) -> list[Log]:
     return made
 
 
-@pytest.mark.parametrize("acceleration", [True, False])
+@pytest.mark.parametrize(("acceleration", "lowpass"), [(True, None), (False, None), (True, 20.0)])
 def test_viscous_friction_is_named_alone_and_with_its_size(
-    data_folder: Path, acceleration: bool
+    data_folder: Path, acceleration: bool, lowpass: float | None
 ) -> None:
     logs = hidden_viscous(data_folder, acceleration=acceleration)
     assert all(("output_acceleration" in log) == acceleration for log in logs)
     base = ["offset", "coulomb_friction", "inertia"]
-    found = flexspline.discover(base, logs, target="sensor_torque", known_load=LOAD)
+    found = flexspline.discover(
+        base, logs, target="sensor_torque", known_load=LOAD, lowpass=lowpass
+    )
     assert [one.effect for one in found.found] == ["viscous_friction"]
     (made,) = (p for p in found.fit.parameters if p.name.split(".")[0] == "viscous_friction")
     assert abs(made.value - VISCOUS) < min(4.0 * made.standard_error, 0.01 * VISCOUS)

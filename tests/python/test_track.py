@@ -12,6 +12,7 @@ from worn_joints import FIRST, LEVELS, NAMES, NOISES, ramp, step, worn_history
 
 from flexspline import InputError
 from flexspline.tracking import History, Track, track
+from flexspline.tracking.attribution import weights_of
 from flexspline.tracking.changes import (
     LEAST_SESSIONS,
     Candidates,
@@ -65,7 +66,7 @@ def test_a_step_is_told_of_the_parameter_that_made_it(name: str) -> None:
     laws(made)
     (change,) = made.changes
     assert change.causes == (name,)
-    assert change.kind in ("step", None)
+    assert change.kind in ("step", None) and change.per_year == 0.0
     assert change.between[0] <= week(50) <= change.between[1]
     noise = NOISES[NAMES.index(name)]
     assert change.interval[0] <= 3.0 * noise <= change.interval[1]
@@ -173,20 +174,32 @@ def test_a_single_session_is_an_accident_and_no_change() -> None:
     assert made.changes == ()
 
 
-def test_an_order_that_grows_is_told_whatever_its_phase() -> None:
+def grown_order(phase: float) -> Track:
     names = ("output_ripple.cosine 2", "output_ripple.sine 2", "offset.offset")
-    for phase in (0.0, 1.0, 2.5, 4.0):
-        at = np.array([np.cos(phase), np.sin(phase)])
-        history = worn_history(
+    at = np.array([np.cos(phase), np.sin(phase)])
+    return track(
+        worn_history(
             8, names=names, levels=(*(10.0 * at), 0.0), noises=(1.0, 1.0, 1.0), units=("Nm",) * 3,
             worn={name: step(50, 3.0 * part) for name, part in zip(names, at, strict=False)},
-        )  # fmt: skip
-        made = track(history)
+        )
+    )  # fmt: skip
+
+
+def test_an_order_that_grows_is_told_whatever_its_phase() -> None:
+    for phase in (0.0, 1.0, 2.5, 4.0):
+        made = grown_order(phase)
         laws(made)
         (change,) = made.changes
         assert change.causes == ("output_ripple, order 2",)
         assert change.parameter == "output_ripple.amplitude 2"
         assert change.size == pytest.approx(3.0, abs=4.0 * change.error)
+
+
+def test_a_phase_that_may_have_stayed_is_not_told_to_change_with_its_amplitude() -> None:
+    """Both are of one cause; the interval of the second's change holds zero."""
+    made = grown_order(1.0)
+    assert made["output_ripple.amplitude 2"].state == "changed"
+    assert made["output_ripple.quadrature 2"].state == "no change told"
 
 
 def test_wear_that_a_repair_undid_is_told_and_so_is_the_repair() -> None:
@@ -221,6 +234,14 @@ def test_of_few_sessions_nothing_is_known_yet(count: int) -> None:
     assert made.forecasts[0].date is None
 
 
+@pytest.mark.parametrize(("count", "said"), [(LEAST_SESSIONS, True), (LEAST_SESSIONS - 1, False)])
+def test_of_enough_sessions_it_is_said_that_temperature_rose_over_them(
+    count: int, said: bool
+) -> None:
+    made = track(worn_history(9, count, temperature=20.0 + np.arange(count)))
+    assert any("Temperature rose over these sessions" in r for r in made.remarks) == said
+
+
 def test_a_bad_day_is_followed_as_a_good_one(recwarn: pytest.WarningsRecorder) -> None:
     """Sessions that are not told, on one day, months apart, without temperature."""
     history = worn_history(10, 90, worn={COULOMB: step(60, 4.0)})
@@ -252,6 +273,17 @@ def test_the_order_of_sessions_units_and_dates_makes_no_difference() -> None:
     assert other.size == pytest.approx(1e3 * change.size, rel=1e-6)
     (mirrored,) = track(replace(history, values=-history.values)).changes
     assert mirrored.size == pytest.approx(-change.size, rel=0.02)
+
+
+def test_whether_parameters_are_confounded_does_not_depend_on_their_units() -> None:
+    history = worn_history(5, worn={COULOMB: step(45, 1.0)}, correlation=0.99)
+    weights = weights_of(history)
+    assert np.count_nonzero(weights[0]) == 2
+    for unit in (1e-3, 1e3):
+        scaled = replace(
+            history, values=unit * history.values, covariance=unit**2 * history.covariance
+        )
+        np.testing.assert_allclose(weights_of(scaled), weights, rtol=1e-6)
 
 
 def test_the_evidence_over_time_is_nearly_that_of_the_sessions_until_then() -> None:

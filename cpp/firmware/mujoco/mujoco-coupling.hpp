@@ -1,7 +1,7 @@
 /// The gear between two hinges of MuJoCo, motor side and link: it twists, with backlash and
 /// hysteresis, by the torsion part of a model. An engine plugin.
 ///
-///   Δθ = Ñ (q − φ)                rad at the motor, less than which it is no torque
+///   Δθ = Ñ (q − φ)                rad at the motor
 ///   qfrc_passive of the link's hinge  += τ,     of the motor's hinge  −= τ
 ///
 /// τ: the torque that twists the model so far, Nm at the output (flexspline/coupling.hpp).
@@ -15,7 +15,8 @@
 ///
 /// Both hinges have the same axis, on bodies side by side with one parent; at q = φ nothing twists.
 /// Actuators, the armature, and an instance of the plugin of the joint's friction belong to the
-/// motor's hinge.
+/// motor's hinge. Its body is to weigh next to nothing: an inertia at the output is no body's, and
+/// as an armature it does not turn with the parent.
 ///
 /// The loops' memory and τ, by which plugin_state begins, move on when MuJoCo integrates; reset and
 /// copy take them along. Where an angle is not finite, the force is NaN, at which MuJoCo warns and
@@ -30,7 +31,9 @@
 /// not help: they have derivatives of forces by velocity alone, and none of a plugin's.
 #pragma once
 
+#include <iterator>
 #include <limits>
+#include <type_traits>
 
 #include "flexspline/coupling.hpp"
 #include "mujoco-instance.hpp"

@@ -48,7 +48,9 @@
 /// which a polynomial may let friction drive. plugin_state[4] is T less "temperature", in K.
 #pragma once
 
+#include <iterator>
 #include <limits>
+#include <type_traits>
 
 #include "flexspline/find_zero.hpp"
 #include "flexspline/model.hpp"

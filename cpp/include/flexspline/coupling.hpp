@@ -16,6 +16,8 @@
 /// the model moves on by one sample with the load that was found.
 #pragma once
 
+#include <limits>
+
 #include "flexspline/find_zero.hpp"
 #include "flexspline/model.hpp"
 

@@ -12,9 +12,6 @@
 /// in which, at rest, all but 37 % of that is gone.
 #pragma once
 
-#include <tuple>
-
-#include "flexspline/fields.hpp"
 #include "flexspline/sample.hpp"
 #include "flexspline/status.hpp"
 
@@ -25,12 +22,6 @@ struct SelfHeating {
   S ambient = S(25);       ///< T_a, °C
   S resistance = S(0);     ///< R, K/W, ≥ 0
   S time_constant = S(1);  ///< t_c, s, > 0
-
-  static constexpr auto fields() noexcept {
-    return std::tuple{Field{"ambient", "deg C", &SelfHeating::ambient, finite<S>},
-                      Field{"resistance", "K/W", &SelfHeating::resistance, not_negative<S>},
-                      Field{"time_constant", "s", &SelfHeating::time_constant, positive<S>}};
-  }
 
   /// Moves `temperature` [°C] on by `period` s, over which the losses are `loss` W. What is not
   /// finite, or a period that is not above zero, changes nothing.

@@ -132,10 +132,10 @@ def held_of(effects: Sequence[Effect], given: Sequence[str], problem: Problem) -
 
 def _slow(effect: Effect, problem: Problem) -> bool:
     """Whether the level of an effect differs from an offset on the rows that count."""
-    width, level = effect.shapes["direction_width"], []
+    width, level = effect.shapes["direction_width"], [np.empty(0)]
     for run in problem.runs:
-        rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
-        level.append(np.abs(np.tanh(run.channels["output_velocity"][rows] / width)))
+        velocity = run.channels["output_velocity"]
+        level += [np.abs(np.tanh(velocity[a:b] / width)) for a, b in run.stretches]
     values = np.concatenate(level)
     return bool(np.var(values) > SETTINGS.negligible * np.mean(values**2))
 

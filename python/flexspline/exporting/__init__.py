@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
+from flexspline.exporting.coupling import Coupling, coupling_of
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.dcmotor import has_dcmotor
 from flexspline.exporting.fmu import fmu_bytes, sfunction_text
@@ -25,6 +26,7 @@ from flexspline.exporting.plain_joint import (
 )
 from flexspline.exporting.plugin import (
     Plugin,
+    Plugins,
     compile_plugin,
     library_name,
     plugin_files,
@@ -43,8 +45,11 @@ __all__ = [
     "FOLDERS",
     "FORMATS",
     "JOINTS",
+    "Coupling",
     "Export",
     "Plugin",
+    "Plugins",
+    "coupling_of",
     "export",
     "export_warnings",
     "joint_of",

@@ -551,8 +551,8 @@ def _said_of_joint(scene: _Scene, joint: Plugin) -> Iterator[str]:
 def _said_of_coupling(scene: _Scene, coupling: Coupling) -> Iterator[str]:
     yield "The gear twists: the link has a hinge, and the motor's side another one on a body beside"
     yield "it, with the same axis. The motor's turns as the output would if nothing twisted, so its"
-    yield "armature, its actuator and its friction are those at the output. Inertias of 1 kg m^2"
-    yield "stand for those of your joint."
+    yield "armature, its actuator and its friction are those at the output, and its body weighs"
+    yield "next to nothing. Inertias of 1 kg m^2 stand for those of your joint."
     yield ""
     yield from _lists(coupling)
     yield ""

@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -174,7 +175,7 @@ class Log:
         time = self.columns["time"]
         return float(time[-1] - time[0])
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Sampling rate [Hz]: one over the median step of time, NaN for a single row.
 

@@ -236,7 +236,7 @@ def _names_told(found: Sequence[Found]) -> str:
 def _or_alias(one: Found) -> str:
     """A name, and the one that explains the runs as well; of several the list below tells."""
     aliases = one.indistinguishable_from
-    return f"{one.effect} or {aliases[0]}" if len(aliases) == 1 else one.effect
+    return f"{one.effect} (or {aliases[0]})" if len(aliases) == 1 else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
@@ -327,8 +327,13 @@ def rows_sentence(made: Discovery) -> str:
 
 
 def channel_rows(made: Discovery) -> list[tuple[str, ...]]:
-    """Return channel with unit, noise, quantum, bandwidth and how the rows read it, for a table."""
-    return input_rows(made.inputs, made.fit.part.preparations)
+    """Return channel with unit, noise, quantum, bandwidth, delay and how the rows read it."""
+    late: dict[str, list[float]] = {}
+    for fault in made.data_faults:
+        if "delay" in fault.name:
+            late.setdefault(fault.channel, []).append(fault.size)
+    delays = {channel: float(np.median(sizes)) for channel, sizes in late.items()}
+    return input_rows(made.inputs, made.fit.part.preparations, delays)
 
 
 def inputs_sentence(made: Discovery) -> str:

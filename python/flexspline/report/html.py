@@ -38,6 +38,7 @@ from flexspline.report.tables import (
     delay_sentence,
     grouped_scores,
     input_rows,
+    late_of,
     score_rows,
 )
 from flexspline.report.text import (
@@ -113,7 +114,7 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
         figures=report_figures(fit),
         shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
         orders="" if fit.orders is None else str(fit.orders),
-        channels=input_rows(fit.inputs, fit.part.preparations),
+        channels=input_rows(fit.inputs, fit.part.preparations, late_of(fit.delay)),
         delay=delay_sentence(fit.delay, fit.unit),
         logs=used_logs(fit),
         facts=model_facts(fit),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import milli
 
 from flexspline.errors import InputError, listed
 from flexspline.formatting import decimals_for, plus_minus, rows_text, short, short_names, truncated
@@ -32,6 +33,7 @@ __all__ = [
     "delay_sentence",
     "grouped_scores",
     "input_rows",
+    "late_of",
     "score_rows",
     "smoothed_rows",
 ]
@@ -61,7 +63,9 @@ _LATEX = str.maketrans(
 )
 
 AS_RECORDED = "as recorded"
-HEADING = ("channel", "noise, RMS", "quantum", "bandwidth [Hz]", "as the rows read it")
+LATE = 0.05
+"""Of a row, from which the delay of a velocity is told, as the checks of encoders tell theirs."""
+HEADING = ("channel", "noise, RMS", "quantum", "bandwidth [Hz]", "late [ms]", "as the rows read it")
 
 Row = tuple[str, ...]
 
@@ -243,38 +247,54 @@ def _latex(text: str) -> str:
     return text.translate(_LATEX)
 
 
-def input_rows(inputs: Sequence[ChannelNoise], ways: Sequence[Preparation]) -> list[Row]:
-    """Return channel with unit, noise, quantum, bandwidth and how rows read it, for a table.
+def input_rows(
+    inputs: Sequence[ChannelNoise],
+    ways: Sequence[Preparation],
+    late: Mapping[str, float] | None = None,
+) -> list[Row]:
+    """Return channel with unit, noise, quantum, bandwidth, delay and how rows read it, for a table.
 
     Parameters
     ----------
     inputs : noise of the channels of the runs.
     ways : how channels are made before rows read them; some may be in no run.
+    late : s, by channel, where it was found; else the delay that its noise tells.
     """
     used = {way.channel: way.how for way in ways}
     own = {noise.channel for noise in inputs}
+    seen = {n.channel: n.delay for n in inputs if abs(n.delay) * n.rate > LATE}
+    delays = seen | dict(late or {})
     told: list[Row] = [
         (
             _channel_named(noise.channel),
             short(noise.noise),
             short(noise.quantum) if noise.quantum else "–",
             f"{noise.bandwidth:.3g}" if noise.noisy else f"above {noise.bandwidth:.3g}",
+            short(delays[noise.channel] / milli) if noise.channel in delays else "–",
             used.get(noise.channel, AS_RECORDED),
         )
         for noise in inputs
     ]
     return told + [
-        (_channel_named(w.channel), "–", "–", "–", w.how) for w in ways if w.channel not in own
+        (_channel_named(w.channel), "–", "–", "–", "–", w.how) for w in ways if w.channel not in own
     ]
 
 
 def smoothed_rows(
-    inputs: Sequence[ChannelNoise], ways: Sequence[Preparation], read: Sequence[str]
+    inputs: Sequence[ChannelNoise],
+    ways: Sequence[Preparation],
+    read: Sequence[str],
+    late: Mapping[str, float] | None = None,
 ) -> list[Row]:
     """Return heading and those rows of the table whose channel is `read` other than recorded."""
     names = {_channel_named(way.channel) for way in ways if way.channel in read}
-    rows = [row for row in input_rows(inputs, ways) if row[0] in names]
+    rows = [row for row in input_rows(inputs, ways, late) if row[0] in names]
     return [HEADING, *rows] if rows else []
+
+
+def late_of(delay: Delay | None) -> dict[str, float]:
+    """Return by how much the load is late, s by its channel; empty where it was not looked for."""
+    return {} if delay is None else {delay.channel: delay.seconds}
 
 
 def delay_sentence(delay: Delay | None, unit: str) -> str:

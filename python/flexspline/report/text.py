@@ -35,6 +35,7 @@ from flexspline.report.tables import (
     between_rows,
     between_sentences,
     delay_sentence,
+    late_of,
     score_rows,
     smoothed_rows,
 )
@@ -169,7 +170,7 @@ def _trust(fit: Fit) -> list[str]:
 def _channels(fit: Fit) -> list[str]:
     """Noisy channels as the rows read them, and how late the load is; nothing of exact runs."""
     read = [*fit.part.record.get("channels", ()), fit.part.known_load or ""]
-    rows = smoothed_rows(fit.inputs, fit.part.preparations, read)
+    rows = smoothed_rows(fit.inputs, fit.part.preparations, read, late_of(fit.delay))
     if not rows:
         return []
     said = delay_sentence(fit.delay, fit.unit)

@@ -257,7 +257,7 @@ def measured_gear(log: Log) -> Gear | None:
     motion = motion_of(log)
     if motion is None or "motor_position" not in log:
         return None
-    motor = unwrapped(log["motor_position"][motion.rows])
+    motor = unwrapped(log["motor_position"])[motion.rows]
     valid = motion.inside(0.0)
     if np.count_nonzero(valid) < 200:
         return None

@@ -331,7 +331,15 @@ def wrap_rows(position: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def unwrapped(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angle without its wraps; a motor that turns more than π per row stays as it is."""
+    """The angle without its wraps; a motor that turns more than π per row stays as it is.
+
+    Of all rows: where some are left out, a jump of the angle may look like a wrap.
+    """
+    known = np.isfinite(position)
+    if not known.all():
+        whole = position.copy()
+        whole[known] = unwrapped(position[known])
+        return whole
     rows, turns = _wraps(position)
     excess = np.zeros(len(position))
     excess[rows] = 2 * np.pi * turns
@@ -412,7 +420,7 @@ def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     if channel not in log:
         return None
     rows = _usable_rows(log)
-    time, position = log["time"][rows], unwrapped(log[channel][rows])
+    time, position = log["time"][rows], unwrapped(log[channel])[rows]
     travel = float(np.ptp(position)) if len(position) else 0.0
     grain = max(50 * quantum(position), 20 * white_noise(position))
     if len(rows) < 100 or travel <= max(grain, 1e-12):
