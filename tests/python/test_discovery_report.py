@@ -20,7 +20,14 @@ from flexspline.discovery.assemble import where
 from flexspline.discovery.candidates import EXCLUDED
 from flexspline.discovery.confirmation import AlsoSeen
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import BY_NAMES, LESSER, Discovery, Motion
+from flexspline.discovery.result import (
+    BY_FUNCTIONS,
+    BY_NAMES,
+    LESSER,
+    Discovery,
+    Motion,
+    Unexplained,
+)
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.formatting import percent
@@ -512,3 +519,14 @@ def test_the_table_of_channels_says_what_was_found_late() -> None:
     rows = channel_rows(replace(made, data_faults=(fault, other)))
     cells = {row[0].split()[0]: row[4] for row in rows}
     assert cells[LOAD] == "2" and {v for k, v in cells.items() if k != LOAD} <= {"–"}
+
+
+def test_no_share_is_told_of_a_gap_whose_size_is_not_known() -> None:
+    left = Unexplained(0.4, ("temperature", "time"))
+    for by, said in (
+        (BY_NAMES, "Unexplained: what is left after prewhitening depends on temperature, time, in"),
+        (BY_FUNCTIONS, "Unexplained: 40 % of the gap above the noise floor after prewhitening, "),
+    ):
+        floor = replace(found().floor, by=by, rmse=0.5 * found().final_rmse)
+        made = replace(found(), unexplained=left, floor=floor)
+        assert any(sentence.startswith(said) for sentence in remarks(made))

@@ -426,10 +426,12 @@ def unexplained_sentence(made: Discovery) -> str:
         return ""
     share = 100.0 * made.unexplained.share_of_variance
     weighed = "" if made.by == "simulation" else " after prewhitening"
+    what = f"{share:.0f} % of the gap above the noise floor{weighed}, depends on"
+    if made.floor.by == BY_NAMES:  # nothing says how large that gap is
+        what = f"what is left{weighed} depends on"
     said = (
-        f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
-        f"{listed(made.unexplained.depends_on)}, in a way that no effect of the catalogue is seen "
-        "to have."
+        f"Unexplained: {what} {listed(made.unexplained.depends_on)}, in a way that no effect of "
+        "the catalogue is seen to have."
     )
     if _unexplained_is_small(made):
         said += f" Of the error itself that is less than {_small(made)} {made.unit}."
