@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Final, TextIO
 
@@ -28,13 +29,22 @@ class Progress:
     shown : whether anything is to be shown at all.
     total : of steps, where it is known.
     unit : of steps; an empty one shows the time alone.
+    usual : share of the work that is done, as a rule, when something is said. From the largest of
+        these so far it is told how long the rest may take.
     """
 
     def __init__(
-        self, title: str, shown: bool, *, total: int | None = None, unit: str = ""
+        self,
+        title: str,
+        shown: bool,
+        *,
+        total: int | None = None,
+        unit: str = "",
+        usual: Mapping[str, float] | None = None,
     ) -> None:
-        self._title = title
+        self._title, self._usual = title, usual or {}
         self._bar = _bar(title, total, unit) if shown else None
+        self._begun, self._share, self._whole = time.monotonic(), 0.0, 0.0
 
     def __enter__(self) -> Progress:
         return self
@@ -52,8 +62,20 @@ class Progress:
     def say(self, what: str) -> None:
         """Say what is done now."""
         if self._bar is not None:
-            self._bar.set_description_str(what, refresh=False)
+            self._bar.set_description_str(what + self._left(what), refresh=False)
             self._bar.update(0)
+
+    def _left(self, what: str) -> str:
+        """How long the rest may take, in words; "" where that is not known, or little."""
+        spent, share = time.monotonic() - self._begun, self._usual.get(what, 0.0)
+        if share > self._share:
+            self._share, self._whole = share, spent / share
+        left = self._whole - spent
+        if left < PATIENCE:
+            return ""
+        return (
+            f", about {left:.0f} s left" if left < 90.0 else f", about {left / 60.0:.0f} min left"
+        )
 
 
 def _bar(title: str, total: int | None, unit: str) -> tqdm[None]:

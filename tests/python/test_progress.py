@@ -23,6 +23,17 @@ with flexspline.progress.Progress("solving", True, unit=" solves") as bar:
     bar.say("errors and validation")
 print("the verdict")
 """
+ESTIMATING = """
+from types import SimpleNamespace
+import flexspline.progress
+flexspline.progress.PATIENCE = 0
+clock = iter([0.0, 10.0, 12.0, 50.0])
+flexspline.progress.time = SimpleNamespace(monotonic=lambda: next(clock))
+usual = {"a quarter": 0.25, "a fifth": 0.2}
+with flexspline.progress.Progress("solving", True, usual=usual) as bar:
+    for what in ("a quarter", "a fifth", "the end"):
+        bar.say(what)
+"""
 READING = """
 import flexspline.progress
 flexspline.progress.PATIENCE = 0
@@ -60,6 +71,17 @@ def test_a_verdict_begins_its_own_line_below_the_progress(tmp_path: Path) -> Non
 
 def test_what_ends_at_once_shows_no_progress(tmp_path: Path) -> None:
     assert in_terminal(SOLVING.format(patience=60), tmp_path) == ["the verdict", ""]
+
+
+def test_how_long_the_rest_may_take_is_told_from_the_largest_share_that_is_done(
+    tmp_path: Path,
+) -> None:
+    """Of 40 s, when a quarter took 10 s; nothing when these are over."""
+    *_, quarter, fifth, end, left = in_terminal(ESTIMATING, tmp_path)[0].split("\r")
+    assert quarter.startswith("a quarter, about 30 s left: 00:")
+    assert fifth.startswith("a fifth, about 28 s left: 00:")
+    assert end.startswith("the end: 00:")
+    assert left.startswith("solving: 00:")
 
 
 def test_what_is_said_while_runs_are_read_has_lines_of_its_own(tmp_path: Path) -> None:

@@ -362,9 +362,11 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     whole.tied = study.tied = tied_channels(looked_at(whole.problem), base)
     lax, _ = Searcher(study, first, True, say).run(base)
     study.scan(lax)
+    say("functions of the channels")
     beside = leftover_of(Ceiling(whole.problem, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
     searcher = Searcher(study, whitening, say=say)
+    say("names")
     base, _ = searcher.fitted(base)
     final, steps = searcher.run(base)
     if study is not whole:
