@@ -169,8 +169,8 @@ def discover(
 
 USUAL = {"noise": 0.12, "functions of the channels": 0.26, "names": 0.5, "what is left": 0.64,
          "errors and validation": 0.73}  # fmt: skip
-"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`. So the whole was
-told as 0.1 to 1.2 of what it took by the first, as 0.5 to 1.4 by the last."""
+"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`. So the time of
+the whole was told as 0.1 to 1.2 of what it took by the first, as 0.5 to 1.4 by the last."""
 
 
 @dataclass(frozen=True)
