@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 # a process of tests for each processor: threads of BLAS besides would wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -13,6 +14,7 @@ import demo_run
 import measured
 import pytest
 from demo_run import Demo
+from mujoco_plugins import Loaded, loader
 from undrawn import undrawn
 
 
@@ -48,3 +50,20 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     for report in reporter.stats.get("skipped", []):
         reporter.write_line(f"\nskipped in CI, which has all: {report.nodeid}", red=True)
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.fixture(scope="session")
+def mujoco() -> Any:
+    return pytest.importorskip("mujoco", reason="mujoco is missing; install flexspline[mujoco]")
+
+
+@pytest.fixture(scope="module")
+def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
+    """What compiles and loads the MuJoCo plugin of a model."""
+    return loader(mujoco, tmp_path_factory.mktemp("plugins"))
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The working folder is another: MuJoCo writes its warnings into MUJOCO_LOG.TXT there."""
+    monkeypatch.chdir(tmp_path)

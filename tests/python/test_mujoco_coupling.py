@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
-from mujoco_plugins import Loaded, loader
+from mujoco_plugins import Loaded
 from numpy.typing import NDArray
 from torsion_logs import truth
 
@@ -24,6 +24,8 @@ from flexspline.exporting import Coupling, coupling_of, export, plugins_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.programs import include_folder
+
+pytestmark = pytest.mark.usefixtures("elsewhere")
 
 Array = NDArray[np.float64]
 
@@ -83,25 +85,9 @@ def gear(*parts: Any, ranges: Any = RANGES, **facts: Any) -> Model:
 
 
 @pytest.fixture(scope="module")
-def mujoco() -> Any:
-    return pytest.importorskip("mujoco", reason="mujoco is missing; install flexspline[mujoco]")
-
-
-@pytest.fixture(scope="module")
-def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
-    return loader(mujoco, tmp_path_factory.mktemp("plugins"))
-
-
-@pytest.fixture(scope="module")
 def names(loaded: Loaded) -> dict[str, str]:
     """The plugins of `GEARS`, each compiled once."""
     return {kind: loaded(gear(*parts)) for kind, parts in GEARS.items()}
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo writes its warnings into MUJOCO_LOG.TXT of the working folder."""
-    monkeypatch.chdir(tmp_path)
 
 
 def arm(mujoco: Any, name: str) -> tuple[Any, Any]:

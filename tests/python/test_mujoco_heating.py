@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mujoco_plugins import Loaded, loader
+from mujoco_plugins import Loaded
 from numpy.typing import NDArray
 
 from flexspline.effects import effect
 from flexspline.exporting import export, plugin_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
+
+pytestmark = pytest.mark.usefixtures("elsewhere")
 
 Array = NDArray[np.float64]
 
@@ -45,22 +47,6 @@ ARM = f"""
   <actuator><motor joint="j"/></actuator>
 </mujoco>"""
 WARMER = 4  # place in plugin_state
-
-
-@pytest.fixture(scope="module")
-def mujoco() -> Any:
-    return pytest.importorskip("mujoco", reason="mujoco is missing; install flexspline[mujoco]")
-
-
-@pytest.fixture(scope="module")
-def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
-    return loader(mujoco, tmp_path_factory.mktemp("plugins"))
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo writes its warnings into MUJOCO_LOG.TXT of the working folder."""
-    monkeypatch.chdir(tmp_path)
 
 
 def model_of(names: list[str], sizes: list[float], **ranges: list[float]) -> Model:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
-from mujoco_plugins import Loaded, loader
+from mujoco_plugins import Loaded
 from numpy.typing import NDArray
 from test_own_header import compiled as fit_with_header
 
@@ -27,6 +27,8 @@ from flexspline.exporting import export, mujoco_plugin, plugin_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.programs import include_folder
+
+pytestmark = pytest.mark.usefixtures("elsewhere")
 
 Array = NDArray[np.float64]
 
@@ -80,26 +82,10 @@ def model_of(names: list[str], target: str = "motor_torque", **facts: Any) -> Mo
 
 
 @pytest.fixture(scope="module")
-def mujoco() -> Any:
-    return pytest.importorskip("mujoco", reason="mujoco is missing; install flexspline[mujoco]")
-
-
-@pytest.fixture(scope="module")
-def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
-    return loader(mujoco, tmp_path_factory.mktemp("plugins"))
-
-
-@pytest.fixture(scope="module")
 def whole(loaded: Loaded) -> tuple[Model, str]:
     """A model with every effect of a drive, and the name of its plugin."""
     model = model_of(OF_DRIVES)
     return model, loaded(model)
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo writes its warnings into MUJOCO_LOG.TXT of the working folder."""
-    monkeypatch.chdir(tmp_path)
 
 
 def arm(mujoco: Any, name: str, **replaced: str) -> tuple[Any, Any]:

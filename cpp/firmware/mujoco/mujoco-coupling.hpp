@@ -31,7 +31,6 @@
 /// not help: they have derivatives of forces by velocity alone, and none of a plugin's.
 #pragma once
 
-#include <iterator>
 #include <limits>
 #include <type_traits>
 
@@ -48,15 +47,7 @@ class CouplingPlugin {
   /// Makes the plugin known to MuJoCo, which calls it by the number that is returned.
   static int enter() {
     static constexpr const char* attributes[] = {"joint", "motor", "temperature"};
-    mjpPlugin plugin;
-    mjp_defaultPlugin(&plugin);
-    plugin.name = Settings::name;
-    plugin.nattribute = int(std::size(attributes));
-    plugin.attributes = attributes;
-    plugin.capabilityflags = mjPLUGIN_PASSIVE;
-    plugin.nstate = [](const mjModel*, int) { return Kept<Memory>::numbers; };
-    plugin.init = init;
-    keep_instances<Pair>(plugin);
+    mjpPlugin plugin = passive<Settings, Pair, Memory>(attributes, init);
     plugin.reset = [](const mjModel*, mjtNum* state, void* data, int) {
       auto& pair = *static_cast<Pair*>(data);
       pair.next = {};

@@ -4,6 +4,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -65,6 +66,21 @@ void keep_instances(mjpPlugin& plugin) {
   plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int instance) {
     *instance_of<Instance>(to, instance) = *instance_of<Instance>(from, instance);
   };
+}
+
+/// A passive force with attributes that live as long as the program; instances keep a Memory.
+template <typename Settings, typename Instance, typename Memory, std::size_t N>
+mjpPlugin passive(const char* const (&attributes)[N], int (*init)(const mjModel*, mjData*, int)) {
+  mjpPlugin plugin;
+  mjp_defaultPlugin(&plugin);
+  plugin.name = Settings::name;
+  plugin.nattribute = int(N);
+  plugin.attributes = attributes;
+  plugin.capabilityflags = mjPLUGIN_PASSIVE;
+  plugin.nstate = [](const mjModel*, int) { return Kept<Memory>::numbers; };
+  plugin.init = init;
+  keep_instances<Instance>(plugin);
+  return plugin;
 }
 
 /// Whether another instance of the same plugin, made before, has this text at a key.

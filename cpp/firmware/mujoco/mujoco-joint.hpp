@@ -48,7 +48,6 @@
 /// which a polynomial may let friction drive. plugin_state[4] is T less "temperature", in K.
 #pragma once
 
-#include <iterator>
 #include <limits>
 #include <type_traits>
 
@@ -70,15 +69,7 @@ class JointPlugin {
     static constexpr const char* attributes[] = {
         "joint",   "temperature",        "implicit",
         "ambient", "thermal_resistance", "thermal_time_constant"};
-    mjpPlugin plugin;
-    mjp_defaultPlugin(&plugin);
-    plugin.name = Settings::name;
-    plugin.nattribute = int(std::size(attributes));
-    plugin.attributes = attributes;
-    plugin.capabilityflags = mjPLUGIN_PASSIVE;
-    plugin.nstate = [](const mjModel*, int) { return Kept<Memory>::numbers; };
-    plugin.init = init;
-    keep_instances<Joint>(plugin);
+    mjpPlugin plugin = passive<Settings, Joint, Memory>(attributes, init);
     plugin.reset = [](const mjModel*, mjtNum* state, void* data, int) {
       auto& joint = *static_cast<Joint*>(data);
       joint.next = {};
