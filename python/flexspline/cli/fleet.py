@@ -348,7 +348,8 @@ def fit(
     Each run becomes a few kilobytes of sums, made ready as fit makes it; shapes and orders are
     held for all, as a pilot joint or --model tells them. Prints mean and spread of each parameter
     over the joints, with errors; the joints that stand out; and how well the values of each joint,
-    drawn to the fleet by as much as its own runs do not know, predict runs that were held out.
+    shrunk towards the fleet by as much as its own runs do not know, predict runs that were held
+    out.
 
     DIR receives fleet.json (all numbers), report.html (a page for the fleet), and in units a page
     and a model for each joint, with its values given the fleet, for predict, compare and export.

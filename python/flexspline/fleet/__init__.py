@@ -9,10 +9,10 @@ of this machine or of a Dask cluster:
 
 A run that cannot be used is left out with the sentence that says why; the others go on.
 
-What values drawn to the fleet are worth is shown on runs that were held out: the last run of each
-joint that has several. All else is made again without these, and each held-out run is judged by the
-joint's own fit, by its value given the fleet, and by the fleet's mean. What a fit to the held-out
-run itself leaves is taken off, so that the numbers are errors of the model alone.
+What values shrunk towards the fleet are worth is shown on runs that were held out: the last run of
+each joint that has several. All else is made again without these, and each held-out run is judged
+by the joint's own fit, by its value given the fleet, and by the fleet's mean. What a fit to the
+held-out run itself leaves is taken off, so that the numbers are errors of the model alone.
 """
 
 from __future__ import annotations

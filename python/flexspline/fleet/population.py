@@ -84,7 +84,8 @@ class Margin:
     """Mean and spread of one parameter over U joints.
 
     `mean_error`: with U − 1 degrees of freedom. `spread`: standard deviation between joints, and
-    the interval of it. `shrinking`: the spread that values are drawn to the mean by. `units`: U.
+    the interval of it. `shrinking`: the spread by which values are shrunk towards the mean.
+    `units`: U.
     """
 
     mean: float
@@ -141,7 +142,7 @@ class Population:
 
     @property
     def covariance(self) -> Array:
-        """(P, P), Σ by which values are drawn to the mean."""
+        """(P, P), Σ by which values are shrunk towards the mean."""
         shrinking = np.array([margin.shrinking for margin in self.margins])
         return np.asarray(self.correlation * np.outer(shrinking, shrinking))
 

@@ -215,8 +215,8 @@ def _write_unit(made: FleetFit, unit: UnitFit, path: Path) -> None:
     )
     sections = [
         Section("values", "Values", [
-            "Own: the fit of its runs alone. Given the fleet: drawn to the others' mean by as much "
-            "as its own runs do not know.", *told], _unit_rows(made, unit), words=(0, 1)),
+            "Own: the fit of its runs alone. Given the fleet: shrunk towards the others' mean by "
+            "as much as its own runs do not know.", *told], _unit_rows(made, unit), words=(0, 1)),
         Section("figure", "Among the others", figures=[drawn(figure)]),
         Section("runs", "Runs", rows=_run_rows(made, unit), words=(0, 1, 6)),
     ]  # fmt: skip
