@@ -124,8 +124,8 @@ def test_a_log_without_velocity_or_with_broken_temperature_still_plots() -> None
     assert "Order spectrum before and after" not in titles
 
 
-@pytest.mark.parametrize("load", ["reference_torque", "motor_torque"])
-def test_what_is_left_rises_over_the_known_load_where_the_gain_is_wrong(load: str) -> None:
+def test_what_is_left_rises_over_the_known_load_where_the_gain_is_wrong() -> None:
+    load = "reference_torque"
     log = report_fits.run(3, 600)
     torque = 10.0 * np.sin(np.arange(600) / 40.0)
     channels = {name: log[name] for name in ("time", "output_position", "output_velocity")}
