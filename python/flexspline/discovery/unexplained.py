@@ -75,7 +75,8 @@ class Ceiling:
 
     def __init__(self, problem: Problem, whitening: Whitening) -> None:
         self.whitening = whitening
-        few, groups = looked_at(problem), flexible_basis(problem)
+        few = looked_at(problem)
+        groups = flexible_basis(few)
         plain = [group for group in groups if group.plain]
         rivals = len(groups) + len(plain)
         many = _part(problem, round(SETTINGS.rows / SETTINGS.little))
