@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -33,7 +34,7 @@ __all__ = ["FleetFit", "FleetResult", "HeldOut", "Outlying", "RunFit", "UnitFit"
 Array = NDArray[np.float64]
 
 
-class FleetResult:
+class FleetResult(ABC):
     """What a result over a fleet has in common with others: its file, and what was left out."""
 
     _name: ClassVar[str]
@@ -41,9 +42,9 @@ class FleetResult:
     failed: tuple[tuple[str, str], ...]
     remarks: tuple[str, ...]
 
+    @abstractmethod
     def to_json(self) -> dict[str, Any]:
         """Return the result as its file holds it."""
-        raise NotImplementedError
 
     def _file(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """The content of the file, between what made it and what was left out."""
