@@ -17,6 +17,31 @@ from demo_run import Demo
 from mujoco_plugins import Loaded, loader
 from undrawn import undrawn
 
+LONG = (
+    "test_notebooks.py",
+    "test_discover_measured.py",
+    "test_simulated_lab_logs.py",
+    "test_site.py",
+    "test_readme.py",
+    "test_bad_day.py",
+    "test_certificate.py",
+    "test_block_program.py",
+    "test_missing_effect_zhang.py",
+    "test_missing_effect_full_range.py",
+    "test_discovery_confirmation.py",
+    "test_track_fleet.py",
+    "test_chain_program.py",
+    "test_header_program.py",
+    "test_device_cost.py",
+)
+"""Files that take 12 s of processor time or more, the longest first."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest files: the short ones at the end keep all processes busy alike."""
+    places = {name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path.name, len(LONG)))
+
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
