@@ -19,8 +19,10 @@ from flexspline.discovery import by_simulation
 from flexspline.discovery.by_simulation import CHANCE, Driven, Step, _where, p_of_zero
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
+from flexspline.least_squares.options import shapes_of
 from flexspline.logs.writing import write_log
-from flexspline.output_error.fitting import Errors, Settings
+from flexspline.output_error.cost import UNSEEN, Cost
+from flexspline.output_error.fitting import Errors, Settings, with_servo_torque
 
 BASE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
 WEIGHT = 0.5  # Nm
@@ -282,3 +284,27 @@ def test_every_name_is_significant_and_shares_of_the_gap_are_of_all_that_closes(
 ) -> None:
     assert all(0.0 <= one.coefficients_p < CHANCE for one in found.found)
     assert sum(one.share_of_gap for one in found.found) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("share", "moves"), [(0.99, True), (1.01, False)])
+def test_a_start_from_which_the_joint_stands_still_is_none(share: float, moves: bool) -> None:
+    """A motion by 2 rad from 5 rad on, of which the rows of rest at its start do not count."""
+    measured = np.repeat([5.0, 7.0], 10)
+    run = SimpleNamespace(measured=measured, stretches=np.array([[0, 20]]))
+    cost = SimpleNamespace(runs=[run], counts=[measured > 6.0], space=SimpleNamespace(start=None),
+                           rmse=lambda _: 2.0 * share)  # fmt: skip
+    assert by_simulation._moves(cast(Cost, cost)) == moves
+
+
+def test_what_the_motion_does_not_see_is_held_at_what_the_base_says() -> None:
+    logs = [with_servo_torque(log, SERVO, "motor_torque") for log in runs(0.3)[:4]]
+    known = {"gravity.sine": WEIGHT, "gravity.cosine": 0.0}
+    way = by_simulation._Way(logs, "motor_torque", None, known, Settings(SERVO))
+    first, _, _ = way.posed([*map(effect, BASE)], 1)
+    width = first[UNSEEN]
+    beside = [*map(effect, BASE), effect("load_dependent_friction")]
+    second, cost, _ = way.posed(beside, 1, {UNSEEN: width})
+    assert second[UNSEEN] == width and width.state != "fixed"
+    widths = {shape.name: shape.value(second.part.effects) for shape in shapes_of(beside)}
+    assert widths[UNSEEN] == pytest.approx(width.value)
+    assert [one.name for one in cost.space.searched][-1] == "load_dependent_friction.factor"
