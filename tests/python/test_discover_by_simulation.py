@@ -110,6 +110,7 @@ def test_a_joint_that_lacks_nothing_gets_no_name() -> None:
     assert set(nothing.refused) >= {"load_dependent_friction"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_searches_by_simulation_too(tmp_path: Path) -> None:
     paths = [tmp_path / f"run{k}.csv" for k in range(8)]
     for path, log in zip(paths, runs(0.3), strict=True):
