@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +41,7 @@ from flexspline.calibration.thermal import (
 )
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
@@ -77,7 +76,7 @@ class Views:
 
 
 @dataclass(frozen=True)
-class CalibrationResult(Views):
+class CalibrationResult(Views, Rendered):
     """The result of `calibrate`: prints as a verdict, one line for each parameter and figure.
 
     Parameters
@@ -101,6 +100,8 @@ class CalibrationResult(Views):
     zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
     warnings : sentences about the runs and the result.
     """
+
+    _kind: ClassVar = "calibration"
 
     model: Model
     calibration: Calibration | None
@@ -220,25 +221,15 @@ class CalibrationResult(Views):
 
         return pandas.DataFrame([asdict(figure) for figure in self.figures]).set_index("name")
 
-    def __str__(self) -> str:
-        return render("calibration", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<CalibrationResult: {len(self.runs)} runs, {len(self.parameters)} parameters, "
             f"RMSE {self.rmse:.4g} {self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("calibration", "html", self)
-
     def plot(self) -> Any:
         """Return a figure: drift (Fig. 16), before and after (Fig. 17), calibration (Fig. 18)."""
         return render("calibration", "figure", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("calibration", "report", self, path)
 
 
 def _rms(columns: Sequence[Array]) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from flexspline.effects import UNITS
 from flexspline.errors import InputError
 from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.options import Bounds
@@ -183,7 +183,7 @@ class Delay:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Rendered):
     """The result of `fit`: prints as a verdict, one line for each term.
 
     Parameters
@@ -212,6 +212,8 @@ class Fit:
     between_runs : of each term that runs have of their own (`FitOptions.per_run`): its values, mean
         and spread between the runs, and whether they differ. The model predicts with the mean.
     """
+
+    _kind: ClassVar = "fit"
 
     model: Model
     target: str
@@ -454,25 +456,15 @@ class Fit:
 
         return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
 
-    def __str__(self) -> str:
-        return render("fit", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<Fit of {self.target}: {len(self.parameters)} parameters, RMSE {self.rmse:.4g} "
             f"{self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("fit", "html", self)
-
     def plot(self) -> Any:
         """Return a figure: measured against predicted, residuals, components, orders."""
         return render("fit", "figure", self)
-
-    def report(self, path: Any) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("fit", "report", self, path)
 
 
 def contributions(fit: Fit, run: FittedRun) -> dict[str, Array]:
