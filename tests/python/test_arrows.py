@@ -222,9 +222,8 @@ def test_results_ask_for_all_that_the_table_has_and_for_nothing_else() -> None:
                     asked.add((kind.value, ast.literal_eval(form)))
                 else:
                     of_all.add(ast.literal_eval(form))
-            elif isinstance(node, ast.AnnAssign) and node.value is not None:
-                if getattr(node.target, "id", "") == "_kind":
-                    kinds.add(ast.literal_eval(node.value))
+            elif isinstance(node, ast.AnnAssign) and getattr(node.target, "id", "") == "_kind":
+                kinds.update(() if node.value is None else (ast.literal_eval(node.value),))
     assert of_all == {"text", "html", "report"}  # by lazy.Rendered
     assert asked | {(kind, form) for kind in kinds for form in of_all} == set(RENDERERS)
 
