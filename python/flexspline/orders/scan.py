@@ -52,6 +52,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby, pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,8 @@ __all__ = [
     "surprise",
     "visible",
 ]
+
+Level = TypeVar("Level", float, NDArray[np.float64])
 
 _CHUNK = 1 << 15
 _MOST = 200  # lines; more are not ripple
@@ -557,9 +560,9 @@ def _standing_out(
     taken: list[int],
     tried: NDArray[np.intp],
     last: int,
-    floor_of: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], float]],
+    floor_of: Callable[[NDArray[np.float64]], tuple[Level, float]],
     false_alarm: float,
-) -> tuple[list[tuple[int, float]], NDArray[np.float64]]:
+) -> tuple[list[tuple[int, float]], Level]:
     """Move what stands out of a floor, the largest first, from `tried` up to `last` to `taken`.
 
     Returns orders with their probabilities, and the floor beside all of them.
