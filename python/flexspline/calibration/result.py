@@ -43,7 +43,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
 from flexspline.lazy import Rendered, render
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.result import Parameter, parameters_frame
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
@@ -196,22 +196,7 @@ class CalibrationResult(Views, Rendered):
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters in Nm (or V) as a table."""
-        import pandas
-
-        rows = {
-            p.name: {
-                "value": p.value if p.determined else np.nan,
-                "standard_error": p.standard_error if p.determined else np.nan,
-                "unit": p.unit,
-                "lower": p.interval[0],
-                "upper": p.interval[1],
-                "state": p.state,
-                "determined": p.determined,
-                "naive_error": p.naive_error,
-            }
-            for p in self.parameters
-        }
-        return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
+        return parameters_frame(self.parameters)
 
     def figures_frame(self) -> pandas.DataFrame:
         """Return the figures as a table; NaN where the runs cannot show one."""

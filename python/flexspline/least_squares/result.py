@@ -49,6 +49,7 @@ __all__ = [
     "SimulationFit",
     "StartEnd",
     "contributions",
+    "parameters_frame",
     "shares",
 ]
 
@@ -148,6 +149,26 @@ class Parameter:
     def to_json(self) -> dict[str, Any]:
         """Return the parameter as `model.json` keeps it."""
         return {key: value for key, value in asdict(self).items() if key not in _NOT_KEPT}
+
+
+def parameters_frame(parameters: Iterable[Parameter]) -> pandas.DataFrame:
+    """Return parameters as a table by their names; NaN for what is not determined."""
+    import pandas
+
+    rows = {
+        p.name: {
+            "value": p.value if p.determined else np.nan,
+            "standard_error": p.stderr,
+            "unit": p.unit,
+            "lower": p.interval[0] if p.determined else np.nan,
+            "upper": p.interval[1] if p.determined else np.nan,
+            "state": p.state,
+            "determined": p.determined,
+            "naive_error": p.naive_error,
+        }
+        for p in parameters
+    }
+    return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
 
 
 @dataclass(frozen=True)
@@ -397,23 +418,7 @@ class Fit(Rendered):
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table."""
-        import pandas
-
-        rows = {
-            p.name: {
-                "value": p.value if p.determined else np.nan,
-                "standard_error": p.standard_error if p.determined else np.nan,
-                "unit": p.unit,
-                "lower": p.interval[0] if p.determined else np.nan,
-                "upper": p.interval[1] if p.determined else np.nan,
-                "state": p.state,
-                "determined": p.determined,
-                "naive_error": p.naive_error,
-            }
-            for p in self.parameters
-        }
-        frame = pandas.DataFrame(list(rows.values()), index=list(rows))
-        return frame.rename_axis("parameter")
+        return parameters_frame(self.parameters)
 
     def covariance_frame(self) -> pandas.DataFrame:
         """Return the covariance of the parameters, rows and columns by name, in their units.
