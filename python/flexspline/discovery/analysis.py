@@ -52,17 +52,8 @@ from flexspline.regression.gram import (
     tabulated,
 )
 
-__all__ = [
-    "Analysis",
-    "FirstLook",
-    "Rival",
-    "analysed",
-    "contribution",
-    "first_look",
-    "rivals_of",
-    "simplest",
-    "tied_channels",
-]
+__all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
+           "rivals_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

@@ -34,23 +34,9 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
-__all__ = [
-    "DIRECTION",
-    "LEAD",
-    "MOST_ROWS",
-    "RATE",
-    "ROUND",
-    "BasisFunctions",
-    "Bent",
-    "Functions",
-    "bent_forms",
-    "channel_told",
-    "flexible_basis",
-    "past_of",
-    "places_of",
-    "turning_over",
-    "values_of",
-]
+__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "BasisFunctions", "Functions", "bent_forms",
+           "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
+           "values_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

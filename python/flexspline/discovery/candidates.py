@@ -54,24 +54,9 @@ from flexspline.orders.parts import Candidate as OrderCandidate
 from flexspline.orders.parts import Pair, owner, pairs
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
-__all__ = [
-    "EXCLUDED",
-    "ONE_SINE",
-    "TAKEN",
-    "Candidate",
-    "candidates_for",
-    "freedoms",
-    "held_of",
-    "joined",
-    "order_pools",
-    "possible",
-    "scanned",
-    "shaped",
-    "span_of",
-    "unseen",
-    "unseen_of",
-    "with_freedoms",
-]
+__all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
+           "joined", "order_pools", "possible", "scanned", "shaped", "span_of", "unseen",
+           "unseen_of", "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"

@@ -53,7 +53,8 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.candidate_model import HeldOut, Working, fall_of
 from flexspline.regression.gram import SINGULAR, TINY
 
-__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together", "wald"]
+__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together",
+           "wald"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

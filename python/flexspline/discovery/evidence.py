@@ -59,18 +59,8 @@ from flexspline.regression.gram import (
     tabulated,
 )
 
-__all__ = [
-    "Dictionary",
-    "Offer",
-    "cone_gain",
-    "cone_price",
-    "dictionary_of",
-    "equivalent_t",
-    "held_out_gain",
-    "offers",
-    "price",
-    "price_of",
-]
+__all__ = ["Dictionary", "Offer", "cone_gain", "cone_price", "dictionary_of", "equivalent_t",
+           "held_out_gain", "offers", "price", "price_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

@@ -133,12 +133,13 @@ def _prepared(
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
     from flexspline.least_squares.problem import problem_of
+    from flexspline.logs.derive import with_motion
     from flexspline.regression.candidate_model import working
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")
     problem = problem_of(
-        [_with_motion(log) for log in logs],
+        [with_motion(log) for log in logs],
         [*part.effects, *rivals],
         part.target,
         known_load=part.known_load,
@@ -148,14 +149,3 @@ def _prepared(
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     work = working(part.effects, len(part.effects), {})
     return replace(problem, runs=runs), replace(work, coefficients=part.coefficients.copy())
-
-
-def _with_motion(log: Log) -> Log:
-    """The log with the derivatives of its position."""
-    from flexspline.logs.derive import differentiate
-
-    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
-    if not names or "output_position" not in log:
-        return log
-    made = differentiate(log)
-    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])

@@ -72,22 +72,9 @@ from flexspline.regression.gram import (
 )
 from flexspline.signals import target_of
 
-__all__ = [
-    "SENSOR",
-    "DataFault",
-    "Delay",
-    "away_from_ends",
-    "coarser",
-    "data_faults",
-    "delay_behind",
-    "delay_beside_everything",
-    "graded",
-    "lead_of",
-    "load_delays",
-    "resolved",
-    "with_measured_ratio",
-    "with_unwrapped_angles",
-]
+__all__ = ["SENSOR", "DataFault", "Delay", "away_from_ends", "coarser", "data_faults",
+           "delay_behind", "delay_beside_everything", "graded", "lead_of", "load_delays",
+           "resolved", "with_measured_ratio", "with_unwrapped_angles"]  # fmt: skip
 
 RATIO = "gear_ratio"
 WRAPPED = "wrapped_angle"

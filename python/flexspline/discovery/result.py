@@ -53,17 +53,8 @@ if TYPE_CHECKING:
     from flexspline.logs.checks.dependence import Dependence
     from flexspline.simulator import Simulated
 
-__all__ = [
-    "Discovery",
-    "Found",
-    "Motion",
-    "NoiseFloor",
-    "Unexplained",
-    "confidence",
-    "discovery_json",
-    "doubt",
-    "driven_apart",
-]
+__all__ = ["Discovery", "Found", "Motion", "NoiseFloor", "Unexplained", "confidence", "doubt",
+           "driven_apart"]  # fmt: skip
 
 
 def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:

@@ -62,11 +62,10 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible, leve
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
-from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
-from flexspline.logs.derive import differentiate
+from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
 from flexspline.regression.candidate_model import Working, refitted, started
@@ -85,16 +84,8 @@ from flexspline.regression.gram import (
 )
 from flexspline.signals import require_one_unit
 
-__all__ = [
-    "Searcher",
-    "Study",
-    "cost_of",
-    "form_of",
-    "freedom",
-    "missed",
-    "share_missed",
-    "study_of",
-]
+__all__ = ["Searcher", "Study", "cost_of", "form_of", "freedom", "missed", "share_missed",
+           "study_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
@@ -193,7 +184,7 @@ def study_of(
         As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
     require_one_unit(base, target, known_load)
-    inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
+    inputs = [with_motion(log) for log in (logs if inputs is None else inputs)]
     effects, reasons = possible(base, inputs, target, known_load, exclude, own)
     kept = [e for e in effects if _finite(e, inputs, reasons)]
     problem = problem_of(
@@ -211,18 +202,6 @@ def _finite(effect: Effect, logs: Sequence[Log], reasons: dict[str, str]) -> boo
                 reasons[effect.name] = f"log '{log.name}': {name} is not finite throughout"
                 return False
     return True
-
-
-def _with_motion(log: Log) -> Log:
-    """The log with the derivatives of its position, where that allows them."""
-    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
-    if not names or "output_position" not in log:
-        return log
-    try:
-        made = differentiate(log)
-    except InputError:
-        return log
-    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])
 
 
 def form_of(effect: Effect) -> float:

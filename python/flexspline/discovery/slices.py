@@ -40,17 +40,8 @@ from flexspline.orders.parts import effective_ratio, output_angle
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
 
-__all__ = [
-    "Disagreement",
-    "HeldRun",
-    "Slice",
-    "compared_motion",
-    "disagreement",
-    "frequency_bands",
-    "order_bands",
-    "slices",
-    "telling",
-]
+__all__ = ["Disagreement", "HeldRun", "Slice", "compared_motion", "disagreement", "frequency_bands",
+           "order_bands", "slices", "telling"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

@@ -48,17 +48,8 @@ from flexspline.regression.gram import (
     thinned,
 )
 
-__all__ = [
-    "Ceiling",
-    "Leftover",
-    "Overlap",
-    "Repeated",
-    "kept",
-    "leftover_in",
-    "leftover_of",
-    "looked_at",
-    "repeated",
-]
+__all__ = ["Ceiling", "Leftover", "kept", "leftover_in", "leftover_of", "looked_at",
+           "repeated"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
