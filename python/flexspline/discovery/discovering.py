@@ -23,15 +23,12 @@ from flexspline.discovery.faults import (
     SENSOR,
     DataFault,
     Delay,
-    away_from_ends,
-    coarser,
     data_faults,
     delay_behind,
     delay_beside_everything,
     graded,
     lead_of,
     load_delays,
-    resolved,
     with_measured_ratio,
     with_unwrapped_angles,
 )
@@ -47,7 +44,14 @@ from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions, MotionOptions
-from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.problem import (
+    Problem,
+    away_from_ends,
+    coarser,
+    problem_of,
+    resolved_rows,
+    with_fastest,
+)
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
@@ -58,7 +62,8 @@ from flexspline.output_error.fitting import settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import Working, started, working
+from flexspline.regression.gram import Whitening
 from flexspline.signals import require_apart
 from flexspline.simulator import SIMULATED, Simulated
 
@@ -309,12 +314,15 @@ class _Recorded:
         if task.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
         further = replace(cls._made(runs, task, coarser(ways)), counted=made.counted)
-        base = [effect for effect in task.effects if effect.harmonics or not effect.ripple]
-
-        def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
-            return (further if coarse else made).problem(effects)
-
-        told, blur = resolved(base, task.fixed, posed)
+        base = with_fastest([e for e in task.effects if e.harmonics or not e.ripple])
+        fine, coarse = made.problem(base), further.problem(base)
+        plain = Whitening(np.ones(1), 1.0, fine.decimation)
+        work, _ = started(fine, working(base, len(base), task.fixed), plain)
+        both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(runs))]
+        told = resolved_rows(
+            [run.log for run in fine.runs], [run.target for run in fine.runs], both
+        )
+        blur = [np.nan_to_num(one - other) for one, other in both]
         return replace(made, counted=_all_of(told, made.counted), blur=blur)
 
     def moved(self, runs: Sequence[Log], load: str, late: float) -> _Recorded:
@@ -364,7 +372,6 @@ class _Recorded:
         }
 
     def problem(self, effects: Sequence[Effect]) -> Problem:
-
         return problem_of(self.logs, effects, **self._posed)
 
     def study(
@@ -554,8 +561,8 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
     runs = made.study.problem.runs
     used = sum(run.counted for run in runs)
     recorded = sum(len(kept.rows) for kept in recordings)
-    working = at_work([run.log for run in runs], target)
-    rest = 0 if working is None else sum(int(np.count_nonzero(~one)) for one in working)
+    moving = at_work([run.log for run in runs], target)
+    rest = 0 if moving is None else sum(int(np.count_nonzero(~one)) for one in moving)
     found = {
         "used": used,
         **_counts(recordings),
