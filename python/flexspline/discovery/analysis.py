@@ -99,7 +99,7 @@ class Rival:
 
     @property
     def by_t(self) -> bool:
-        """Whether the named effect leaves next to nothing beside it."""
+        """Whether the named effect keeps next to nothing beside it."""
         return self.left < SETTINGS.told and self.gain >= EXPLAINS * self.own
 
     @property
@@ -116,10 +116,8 @@ class Rival:
         """
         kept, lost, same = self.left**2, self.own - self.gain, self.left**2 < 0.5 * self.own
         most = self.gain >= SETTINGS.most * self.own
-        much, beside = (
-            f"explains {percent(self.share)} as much",
-            f"{named} keeps t = {self.keeps:.1f}",
-        )
+        much = f"explains {percent(self.share)} as much"
+        beside = f"{named} keeps t = {self.keeps:.1f}"
         rules = (
             (self.by_t, f"beside it {beside}"),
             (most and kept < self.form * self.own,
@@ -138,9 +136,7 @@ class Rival:
     def inside(self) -> bool:
         """Whether the named effect is another form of it: it adds nothing, and lacks little.
 
-        Where the load is a function of the angle, friction that follows the angle holds every form
-        of friction that follows the load. That it fits better, with more numbers, is a matter of
-        form as long as it is no more than a form may miss.
+        So is friction over the angle of friction over the load, where this follows the angle.
         """
         return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
@@ -153,9 +149,8 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
-    made = []
-    for offer in (o for o in offers(dictionary, rest) if o.effect.name != effect.name):
-        made.append((gain_of(mine, np.concatenate([rest, offer.columns])), offer))
+    others = (o for o in offers(dictionary, rest) if o.effect.name != effect.name)
+    made = [(gain_of(mine, np.concatenate([rest, o.columns])), o) for o in others]
     found = []
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
@@ -171,11 +166,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
 
 
 def simplest(searcher: Searcher, work: Working) -> Working:
-    """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
-
-    A rival that explains less, and that only its form does not tell from it, is an alias, but no
-    equal.
-    """
+    """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
         equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
@@ -284,19 +275,16 @@ class Analysis:
     @cached_property
     def nested(self) -> list[Working]:
         """The base, and the model with one name more each."""
-        models, final = [self.base], self.final
-        for count in range(1, len(final.named)):
-            models.append(
-                self.searcher.fitted(final.having(final.effects[: final.base + count]))[0]
-            )
-        return [*models, final] if final.named else models
+        final, fitted = self.final, self.searcher.fitted
+        ends = range(final.base + 1, len(final.effects))
+        between = [fitted(final.having(final.effects[:end]))[0] for end in ends]
+        return [self.base, *between, *([final] if final.named else [])]
 
     @cached_property
     def unexplained(self) -> float:
         """Share of the gap above the noise floor that a flexible basis alone closes held out.
 
-        In the noise's own metric, where slow noise does not hide it; by the evidence where runs go
-        where no other went, so that squares on held-out folds tell nothing.
+        In the noise's own metric; by the evidence where runs go where no other went.
         """
         if not self.leftover.groups:
             return 0.0
@@ -387,13 +375,11 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     plain = searcher.pruned(simplest(searcher, final))
     if plain is not final:
         final, leftover = plain, leftover_of(ceiling, plain)
-    for name in [e.name for e in final.named]:
-        effect = next((e for e in final.named if e.name == name), None)
-        if effect is None or effect.info.remembers:
-            continue
-        if _of_one_part(ceiling, final, name, leftover):
-            rejected.append(name)
-            final, leftover = without(name)
+    for effect in final.named:
+        there = effect.name in [e.name for e in final.named]
+        if there and not effect.info.remembers and _of_one_part(ceiling, final, effect, leftover):
+            rejected.append(effect.name)
+            final, leftover = without(effect.name)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected), ceiling
     )
@@ -409,10 +395,9 @@ def _everything(study: Study, work: Working) -> Sheet:
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
-    Nor may such a name close half of what is left without it. The gap is what names and
-    flexible functions explain. Where names explain more than half of it in the noise's own metric,
-    but not nearly all, the target's unit decides, on held-out folds: the noise sees more of what a
-    form misses, such as the shape of a jump.
+    Nor may such a name close half of what is left without it. The gap is what names and flexible
+    functions explain. Where names explain more than half of it in the noise's own metric, but not
+    nearly all, held-out folds decide in the target's unit, which shows less of what a form misses.
     """
     if not final.named or leftover.share >= 0.5:
         return None
@@ -428,8 +413,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
             return None
     found = []
     for effect in final.named:
-        rest, _ = solved_at(problem, final.without(effect.name), plain)
-        lacking = left(rest)
+        lacking = left(solved_at(problem, final.without(effect.name), plain)[0])
         opened = lacking - after
         if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
             found.append(effect.name)
@@ -464,24 +448,20 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover) -> bool:
+def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Leftover) -> bool:
     """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
 
     Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
-    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 of one that
-    acts forward alone, or grows with the speed where the name does not, and ½ where it is three
-    times as large forward. Beside all others it then explains at least c² of what f does by m².
-
-    Forms of friction and of resonances are off by such a part too. So the speed is asked about only
-    where the name's own channels carry all that is left, and that is more than a small part.
+    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 where it acts
+    forward alone or grows with the speed. The speed is asked about only where the name's own
+    channels carry all that is left, and that is more than a small part.
     """
-    problem, whitening = ceiling.problem, ceiling.whitening
+    problem, whitening, name = ceiling.problem, ceiling.whitening, effect.name
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
     parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
     velocity = [run.log["output_velocity"] for run in problem.runs]
     turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
-    (effect,) = (e for e in work.named if e.name == name)
     known = problem.known_load
     carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
     little = ceiling.share * leftover.net < SETTINGS.little * own
@@ -523,13 +503,11 @@ def _stand_in(
 ) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
-    That is one of which functions of a flexible basis hold most, where they still explain a part as
-    large as a small part of it; or one beside which they explain far more. Where names explain
-    nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked (`_small`). Where no more is
-    left than the form of a name may miss, no name is taken back. `at_first`: what was left before
-    any name was taken back, in χ²; a name that was is part of what is left now, and no reason to
-    take back others.
+    That is one of which functions of a flexible basis hold most, where they still explain a small
+    part of it; or one beside which they explain far more. Where names explain nearly all, only
+    those that explain little of it are asked (`_small`); where no more is left than the form of a
+    name may miss, none. `at_first`: what was left before any name was taken back, in χ²: a name
+    that was is part of what is left now.
     """
     if not leftover.groups or not work.named:
         return None

@@ -86,11 +86,8 @@ def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
         known = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1]
         words = [_told(order, p, facts) for order in own for p in known]
         told = "; ".join(word for word in words if word)
-        said.append(
-            f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))} of "
-            + pair.replace("_", " ")
-            + (f" ({told})" if told else "")
-        )
+        orders = f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))}"
+        said.append(f"{orders} of {pair.replace('_', ' ')}{f' ({told})' if told else ''}")
     return ", ".join(said)
 
 
@@ -143,7 +140,7 @@ def assembled(
         or _again(made, after, steps)
         or (None, NoiseFloor(steps[-1], rmse_error(after), BY_NAMES))
     )
-    groups = together(steps)
+    groups, named = together(steps), [e.name for e in made.final.named]
     found = [
         _found(held, effect, group, (steps[first], steps[last]))
         for first, last in groups
@@ -168,7 +165,7 @@ def assembled(
         runs=_runs(made, before, after),
         motion=driven_apart(made, before, after, fit.model.facts),
         not_tried=made.study.not_tried,
-        refused=_refused(made),
+        refused={name: why for name, why in made.searcher.refused.items() if name not in named},
         doubted=made.rejected,
         plan=plan,
         also_seen=held.also_seen,
@@ -294,8 +291,3 @@ def _evidence(
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."
-
-
-def _refused(made: Analysis) -> dict[str, str]:
-    named = {e.name for e in made.final.named}
-    return {name: why for name, why in made.searcher.refused.items() if name not in named}

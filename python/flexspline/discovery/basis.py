@@ -3,16 +3,13 @@
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
 for two), which follow every smooth function; a channel times every function of another; orders of
-the motor's angle, one by one and together; and what a channel was some time ago. What they explain
-on held-out folds beyond the named effects is "unexplained", and the channels are those it depends
-on.
+the motor's angle, one by one and together; and what a channel was some time ago.
 
 Any linear cause with memory is a sum of first-order lags of its channel x with time constants T,
 
     T dz/dt + z = x,     z = x at the start
 
-Some T, in geometric steps from two samples to half of the longest run, stand for all: heat that
-flows, a filter, a sensor that creeps. They tell an unknown cause with memory from slow noise.
+Some T, in geometric steps from two samples to half of the longest run, stand for all.
 """
 
 from __future__ import annotations
@@ -86,10 +83,7 @@ LAGGED = ("temperature", "motor_torque")
 
 
 def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
-    """Return what functions may depend on at some rows of a run by name, (n,) each.
-
-    Of what a channel was, (n, lags).
-    """
+    """Return what functions may depend on at some rows of a run: (n,), of the past (n, lags)."""
     run, found = problem.runs[number], _channels(problem)
     made = {name: run.log[name][rows] for name in found}
     if "time" in made:
@@ -260,10 +254,7 @@ def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
 
 
 def places_of(problem: Problem) -> Functions:
-    """Hats at every place of the output's angle, wide ones and narrow ones, evenly spread.
-
-    None where it is not measured.
-    """
+    """Hats of three widths at every place of the output's angle; none where it is not measured."""
     angle = _sample(problem).get("output_position")
     if angle is None:
         return Functions(())
@@ -319,8 +310,6 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | Non
     """Another way in which sliding friction takes its level: algebraic where the effect's is tanh.
 
     None where no effect is sliding friction, or the speed is not measured.
-
-    tanh is within a hundredth of its level at 2.6 widths, an algebraic turn of the same slope at 7.
     """
     widths = [e.shapes[WIDTH] for e in effects if e.name == COULOMB and WIDTH in e.shapes]
     if not widths or "output_velocity" not in _channels(problem):

@@ -4,16 +4,11 @@ A candidate is an effect in several shapes, of which one is right at most: a Str
 among the speeds of the runs, the width of a loop among its turns, a time constant between two
 samples and half a run, a resonance among the orders times the speeds; where nothing tells, the
 bounds of the catalogue do. A ripple effect is a pool of orders (its atoms), of which several may be
-there: the low ones of its pairs, those of facts, and those that a scan finds in the residual. Low
-orders are few and known beforehand, so that one of them needs less evidence than a peak of a scan
-over thousands. Which effects are no candidates is said, with the reason.
+there: the low ones of its pairs, those of facts, and those that a scan finds in the residual.
 
-Freedoms are no names but what a base is given for its form, and for the recorder. Gears, seals and
-preloaded bearings brake by some per cent more one way than the other: a base of odd friction leaves
-an even part |v| of it, which is plain in long runs and looks like whatever is slow. And a load cell
-has a clock and a filter of its own: where it is late by a millisecond, the known load that is taken
-off the target leaves as much as friction does at a reversal. What stays in the model is what is
-significant in the final fit and lowers the held-out error.
+Freedoms are no names but what a base is given for its form, and for the recorder: friction that
+differs by some per cent between the directions, and a load cell whose clock and filter make it
+late. They stay where they are significant in the final fit and lower the held-out error.
 """
 
 from __future__ import annotations
@@ -72,8 +67,8 @@ def freedoms(
 ) -> tuple[str, ...]:
     """Return the names of what the base is given; `noise`: of each channel.
 
-    Nothing where neither the angle nor the known load is noisy: such runs come from a simulation,
-    whose friction is odd. The noise of the target tells nothing of that.
+    Nothing where neither the angle nor the known load is noisy: so are simulated runs, whose
+    friction is odd.
     """
     recorded = [noise[name] for name in {ANGLE, known_load or ANGLE} if name in noise]
     if target == "torsion" or not any(one.noisy for one in recorded):
@@ -100,9 +95,7 @@ def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
 def held_of(effects: Sequence[Effect], given: Sequence[str], problem: Problem) -> dict[str, float]:
     """Return what is held of the freedoms `given` to these effects.
 
-    Beside no offset, a level of the base would be one, and where no row that counts is slow, it is
-    one. A delay of the load is seen in its slope at once: over what time the slope is taken is not
-    looked for.
+    A level by direction is an offset where no row that counts is slow, or none is in the model.
     """
     held: dict[str, float] = {}
     names = {effect.name: effect for effect in effects}
@@ -233,11 +226,9 @@ def order_pools(
 ) -> dict[str, tuple[Harmonic, ...]]:
     """Return the orders to try for each ripple effect.
 
-    One that pole pairs or slots claim is tried as a wave generator's too, where it may be its
-    overtone.
-    An effect that follows others (a resonance of their ripple) has the orders that these have in
-    the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
-    order half a period has to be seen, or it is an offset and a slope.
+    One that pole pairs or slots claim is a wave generator's too, where it may be its overtone. A
+    resonance of other ripple has the orders of that, or the strongest found. `span`: rad that the
+    output goes; of a low order half a period has to be seen, or it is an offset and a slope.
     """
     taken = {h for e in model for h in e.harmonics if e.name != MODULATED_RIPPLE}
     taken |= {ONE_SINE for e in model if e.name == GRAVITY}
@@ -265,11 +256,7 @@ def order_pools(
 
 
 def _is_overtone(line: FoundOrder, found: Sequence[FoundOrder]) -> bool:
-    """Whether an order is twice a larger one of the wave generator: both may be its ripple.
-
-    Its angle is that of the motor where the fixed part is the housing; one cause is simpler than
-    two.
-    """
+    """Whether an order is twice a larger one of the wave generator: both may be its ripple."""
     return any(
         abs(line.per_output_turn - 2.0 * one.per_output_turn) < one.resolution
         for one in found
@@ -287,9 +274,8 @@ def span_of(problem: Problem) -> float:
 def unseen(effect: Effect, span: float) -> list[int]:
     """Numbers of the terms that wave too slowly over the joint's angle for these runs to show.
 
-    Of an order a quarter of a period has to be seen: friction that waves less than that is a
-    constant and a slope, and such waves are large and cancel each other. The fastest is told at any
-    span. Ripple asks for a half (`order_pools`), but its orders are chosen one by one.
+    Of an order a quarter of a period has to be seen, or it is a constant and a slope. The fastest
+    is told at any span. Ripple asks for a half (`order_pools`).
     """
     orders = [int(t.name.split()[-1]) if WAVE.fullmatch(t.name) else 0 for t in effect.terms]
     fastest = max(orders, default=0)
@@ -312,8 +298,8 @@ def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:
 def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
     """Low orders of every pair whose angle is another than those before.
 
-    `scanned_out`: whether a scan sees ripple of the output. Over less than a turn it tells orders
-    that lie far apart alone, and takes one for two: then all that it may have seen are tried.
+    `scanned_out`: whether a scan sees ripple of the output. It may take one order for two: then all
+    that it may have seen are tried.
     """
     kept: list[Pair] = []
     for pair in pairs(facts):

@@ -174,8 +174,7 @@ def discover(
 
 USUAL = {"noise": 0.12, "functions of the channels": 0.26, "names": 0.5, "what is left": 0.64,
          "errors and validation": 0.73}  # fmt: skip
-"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`. So the time of
-the whole was told as 0.1 to 1.2 of what it took by the first, as 0.5 to 1.4 by the last."""
+"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`."""
 
 
 @dataclass(frozen=True)
@@ -438,8 +437,7 @@ def _on_one_clock(
     """Look for names with a late load moved to where it belongs; and its delay, s, 0 for none.
 
     The delay is estimated before any name is looked for; the lag that stays in the base during the
-    search makes it more precise, within its error. Where the sensor is behind its load, it
-    may be the sensor's: a lag is no freedom then, but to be named.
+    search makes it more precise. Where the sensor is behind its load, a lag is to be named.
     """
     as_read = recorded = _Recorded.of(runs, task)
     late, delay = Delay(), 0.0

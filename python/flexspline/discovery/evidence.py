@@ -78,10 +78,7 @@ def _share(forms: float, rivals: int) -> float:
 
 
 def price_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
-    """Return the price of an effect with the signs that physics allows.
-
-    `products`: (K, K) of its columns over σ², less what the model holds of them.
-    """
+    """Return the price of an effect of some signs; `products`: (K, K) of its columns, over σ²."""
     signs, count = one_signed(name, target), len(products)
     if signs and count > 1:
         return cone_price(products, _share(forms, rivals), signs > 1)
@@ -169,11 +166,7 @@ class Dictionary:
 def dictionary_of(
     problem: Problem, work: Working, wanted: Iterable[Effect], whitening: Whitening
 ) -> Dictionary:
-    """Add up the products of the columns of a model and of effects beside it.
-
-    One pass over the logs serves all questions about a model: what may join it, and what would
-    take the place of its names.
-    """
+    """Add up the products of the columns of a model and of effects beside it, in one pass."""
     wanted = list(dict.fromkeys(wanted))
     owners, span = tuple(work.owners()), span_of(problem)
     ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
@@ -208,8 +201,7 @@ class Offer:
 def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    `plain`: several orders of the output for what one sine, gravity, leaves alone: over less than
-    a turn many orders follow it.
+    `plain`: several orders of the output for what one sine, gravity, leaves alone.
     """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
     sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
@@ -254,10 +246,7 @@ def _offer(
 def _gain(left: Array, columns: Columns, raw: Array, signs: int, side: float) -> tuple[float, int]:
     """What columns explain with the signs that physics allows, and how many are seen.
 
-    Springs that slip later explain what those that slip sooner leave, and all of them brake: with
-    coefficients of any sign they fit the noise around a reversal. A single coefficient has the sign
-    of `side`, where that has one: with the other, friction that fades over a higher speed may bend
-    the whole curve.
+    A single coefficient has the sign of `side`, where that has one.
     """
     gain, seen = gain_of(left, columns, raw)
     if len(columns) == 1 and side * left[columns[0], -1] < 0.0:
@@ -316,9 +305,8 @@ def _orders(
     raw: Array,
     most: int,
 ) -> Offer:
-    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`.
-
-    Nor is an order taken that explains less than the form of the others may miss.
+    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`, and
+    more than the form of the others may miss.
     """
     chosen: list[Effect] = []
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0

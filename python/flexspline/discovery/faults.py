@@ -6,20 +6,17 @@ One that raises it by less than a hundredth is worth knowing, and no reason to r
     delay of a velocity          r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
-The induced error of another fault is not known, and it counts as critical. Where the rows read a
-velocity that is derived from a position, the recorded one does not affect the result: its fault
-matters to whoever reads it, and the sentence says so.
+The induced error of another fault is not known, and it counts as critical.
 
 The clock of a load cell may be late. A load L that is late by d leaves, to first order,
 
     d · c(t),     c = −L′ ∂(y − X β)/∂L
 
-of target y and model X β. Missing effects may depend on the load too, so d is estimated beside
-everything that may be missing: all candidates of the search and flexible functions of every
-channel [FrischWaugh1933], before any name is looked for. The delay of a recorder is the same in
-all folds: their scatter is part of its error. Names that are found later make it more precise,
-within that error. The slope L′ is that of the load as rows read it, smoothed, so that the cell's
-noise does not attenuate d.
+of target y and model X β, with L′ the slope of the load as rows read it. Missing effects may depend
+on the load too, so d is estimated beside everything that may be missing: all candidates of the
+search and flexible functions of every channel [FrischWaugh1933], before any name is looked for. The
+delay of a recorder is the same in all folds: their scatter is part of its error. Names that are
+found later make it more precise, within that error.
 
 A sensor cannot read a torque before it is there: where its reading is ahead, the load is late.
 Where it is behind, the sensor may be: that is an effect, and to be named. Between the torque of a
@@ -140,11 +137,7 @@ def data_faults(
 
 
 def _late_alike(gears: Sequence[Gear]) -> bool:
-    """Whether one encoder is late by the same in all runs, as a recorder makes it.
-
-    A part of a row that differs from run to run is torsion that comes round with the motion: the
-    scatter of the runs is part of the error of their mean.
-    """
+    """Whether one encoder is late by the same in all runs, as a recorder makes it, not torsion."""
     if len(gears) < 2:
         return True
     delay = np.array([gear.delay for gear in gears])
@@ -177,9 +170,8 @@ def with_measured_ratio(
 ) -> tuple[list[Log], tuple[DataFault, ...]]:
     """Return the runs with the ratio that their encoders show, where a torsion would be nothing.
 
-    With a wrong ratio q Ñ − θ grows with every turn, and all that could be found is the ratio. The
-    fault's sentence then says which one is used instead. A ratio that is off by a little, and is no
-    whole number, may be a torsion that follows the angle: the one that was stated stays.
+    With a wrong ratio q Ñ − θ grows with every turn. The fault's sentence then says which one is
+    used. One that is off by a little, and no whole number, may be a torsion that follows the angle.
     """
     shown = [fault.size for fault in faults if fault.name == RATIO]
     stated = logs[0].effective_ratio
@@ -299,9 +291,9 @@ def _last_column(table: Table) -> Delay:
 def delay_behind(made: Analysis) -> Delay:
     """Return the delay of a load whose torsion the model predicts.
 
-    A load that is late by d predicts p(t − d): what is left follows d dp/dt, beside the columns of
-    the model with all its names, those that were taken back included. What no name explains may
-    follow it too: beside that, a delay is told from none only at twice the error.
+    What a late load leaves follows d dp/dt of the prediction p, beside the columns of all names,
+    those that were taken back included. What no name explains may follow it too: the error is
+    doubled beside that.
     """
     problem, searcher = made.study.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
@@ -317,10 +309,7 @@ def delay_behind(made: Analysis) -> Delay:
 
 
 def lead_of(made: Analysis) -> Delay:
-    """Return by how much the sensor of the final model is ahead of its load; its lag stands in it.
-
-    No delay where the model has no lag.
-    """
+    """Return by how much the sensor is ahead of its load by the lag of the final model, if any."""
     work = made.final
     if LAG not in [effect.name for effect in work.effects]:
         return Delay()

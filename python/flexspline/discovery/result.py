@@ -8,7 +8,6 @@ Besides the name, of weight one, there are its n aliases, each as good; a cause 
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
 enough to be said to be unexplained (x from 0 at once that share to 1 at twice), as far as they take
 its own gain from it (a share 1 − s); and chance, by its Δχ² above the significance threshold, e.
-Weights of indistinguishable explanations are equal: p is rather too low than too high.
 
 `Motion` is base and extended model driven forward through held-out folds: each starts from its
 measured state and is driven by its inputs alone.

@@ -1,25 +1,14 @@
 """Forward selection of missing effects, with removal and exchange of earlier ones.
 
 Each round refits the shapes of the model, offers every candidate in its best form beside it, and
-takes the best that
+takes the best that exceeds its significance threshold (`evidence.py`), gains half as much on
+held-out folds too, gains more than the form of a name may miss (`missed`: no form is exact), and is
+physically possible (`physics.py`). Then a name that is no longer significant is removed, and one is
+exchanged for another, one for two, or two for one, where that explains more above its threshold.
+All of these are computed from one Gram matrix, and only the best is fitted.
 
-- exceeds its significance threshold (`evidence.py`: the family of candidates is accounted for),
-- gains half as much on held-out folds too,
-- gains more than the form of a name may miss (`missed`),
-- is physically possible (`physics.py`).
-
-What was best alone need not be best beside others: after each step a name that is no longer
-significant is removed, and one is exchanged for another, one for two, or two for one, where that
-explains more above its threshold. All of these are computed from one Gram matrix, and only the best
-is fitted.
-
-No form is exact: what a named effect's own misses is a share of all that it explains, and beside a
-large effect that is as much as a small one explains.
-
-Where an effect is plain in a tenth of an hour, it need not be looked for in all of it: a first
-search goes over short segments spread evenly over the logs. The search on all rows starts from its
-result; it refits everything, may reject names, and adds what only all rows show. So every gain and
-threshold that is reported is one of all rows.
+Of long logs short segments spread evenly are searched first. The search on all rows starts from
+that result; it refits everything, may reject names, and adds what only all rows show.
 """
 
 from __future__ import annotations
@@ -72,7 +61,6 @@ from flexspline.regression.candidate_model import Working, refitted, started
 from flexspline.regression.gram import (
     Columns,
     Given,
-    Table,
     Whitening,
     gain_of,
     gains_of,
@@ -140,7 +128,7 @@ class Study:
     def dictionary(
         self, work: Working, whitening: Whitening, *, without: Sequence[str] = ()
     ) -> Dictionary:
-        """Return the table of a model and all candidates beside it, or beside it without some."""
+        """Return the table of a model and all candidates, beside it or beside it without some."""
         candidates = self._beside(work, without)
         at, noise, last = self.last or (None, None, None)
         if last and at is work and noise is whitening and (found := last.of(candidates)):
@@ -212,7 +200,7 @@ def form_of(effect: Effect) -> float:
 def missed(
     dictionary: Dictionary, named: Effect, other: Effect, tied: Sequence[Dependence]
 ) -> float:
-    """What the form of a named effect may miss, and another effect may seem to explain, in χ²."""
+    """What the form of a named effect may miss, and another may seem to explain, in χ²."""
     return share_missed(named, other, tied) * dictionary.gain(named.name)
 
 
@@ -224,9 +212,8 @@ def share_missed(named: Effect, other: Effect, tied: Sequence[Dependence]) -> fl
 def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
     """Whether an effect reads nothing but a name's channels, and may bend its form.
 
-    Nor, unless it remembers, what in these runs is nearly a function of them. A constant bends
-    nothing. The torque of a rigid body, and what is in proportion to a known load, are laws: what
-    bends them is another effect.
+    Nor, unless it remembers, what is nearly a function of these. A constant bends nothing, and laws
+    are bent by nothing: the torque of a rigid body, and what is in proportion to a known load.
     """
     reads, own = {*named.reads}, {*effect.reads}
     pairs = [{one.channel, one.of} for one in tied if not effect.info.remembers]
@@ -275,10 +262,7 @@ class Searcher:
         return work, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows, all its springs of one sign.
-
-        What these runs do not show of a name is held at zero (`unseen`).
-        """
+        """Refit a model, its springs of one sign, and what runs do not show (`unseen`) at zero."""
         problem, target = self.study.problem, self.study.target
         if (hidden := unseen_of(work.named, problem)).keys() - work.fixed.keys():
             work = replace(work, fixed={**hidden, **work.fixed}).having(work.effects)
@@ -367,8 +351,7 @@ class Searcher:
     ) -> list[list[Offer]]:
         """Return what may take the place of some names, the best first: one, or two for one.
 
-        Of two names one may stay, in another form. Where gravity leaves, orders of the output may
-        take its place.
+        Of two names one may stay, in another form. In gravity's place orders of the output may be.
         """
         others = out if len(out) == 1 else ()
         plain = GRAVITY not in out
@@ -396,6 +379,7 @@ class Searcher:
         return all(dictionary.gain(e.name) >= max(self._owed(dictionary, work, e)) for e in new)
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Offer] | None:
+        """The model with the best offer that can be taken; None where none can."""
         dictionary = self.study.dictionary(work, self.whitening)
         worthy = self._worth(dictionary, work, dictionary.model)
         while worthy:
@@ -420,10 +404,7 @@ class Searcher:
         model: Columns,
         rivals: Sequence[Effect],
     ) -> bool:
-        """Whether an offer beside a model, and its columns, is worth a fit of its shapes.
-
-        `rivals`: effects of other offers, which may be asked of next.
-        """
+        """Whether an offer is worth a fit; `rivals`: effects that may be asked of next."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):
@@ -480,10 +461,10 @@ class Searcher:
         bent: tuple[Effect, ...],
         rivals: Sequence[Effect],
     ) -> float:
-        """What an effect gains beside a model and columns that are given.
+        """What an effect gains beside a model and given columns: other forms of `bent`.
 
-        `bent`: effects whose other forms these columns are. From the second effect on that is asked
-        of beside the same, its rivals are asked of together, for most of the work is the same.
+        From the second effect on that is asked of beside the same, its rivals are asked of with it,
+        for most of the work is the same.
         """
         rest = work.without(effect.name)
         fixed = tuple(sorted(rest.fixed.items()))
@@ -505,8 +486,7 @@ class Searcher:
     ) -> dict[Effect, float]:
         """What each effect alone gains beside a model and columns that are given.
 
-        `turning`: whether that is one in which friction turns over. Such a one may take its level
-        later, and never exceeds it, which is what Stribeck friction does.
+        `turning`: whether friction turns over by these; it never exceeds its level, as Stribeck's.
         """
         table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
         ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
@@ -519,15 +499,6 @@ class Searcher:
             e: gain_of(beside.get(e.name, left), np.arange(first, last), raw)[0]
             for e, first, last in own
         }
-
-    def _apart(
-        self, problem: Problem, work: Working, effect: Effect, given: Given
-    ) -> tuple[Table, Columns]:
-        """The table of a model without an effect, of that, and of given columns; where it is."""
-        rest = work.without(effect.name)
-        table = tabulated(problem, rest.sheet(beside=[effect], given=given), self.whitening)
-        first = len(rest.owners())
-        return table, np.arange(first, first + len(effect.terms))
 
     def _tried(
         self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
@@ -555,14 +526,16 @@ class Searcher:
     def _at_few_places(self, work: Working, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
-        Counted until the orders explain most of what all of them do: a place takes one number, an
-        order two. Many orders follow a bump, which does not come again between its places. Of a
-        small ripple these runs do not tell.
+        Many orders follow a bump. Counted until the orders explain most of what all of them do; of
+        a small ripple these runs do not tell.
         """
         if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
         problem = self.study.thinned().problem
-        table, own = self._apart(problem, work, effect, places_of(problem))
+        rest = work.without(effect.name)
+        sheet = rest.sheet(beside=[effect], given=places_of(problem))
+        table = tabulated(problem, sheet, self.whitening)
+        own = len(rest.owners()) + np.arange(len(effect.terms))
         left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
         places = greedy(left, raw, np.arange(own[-1] + 1, len(table.total) - 1)[:, None])

@@ -1,8 +1,7 @@
 """Held-out residuals by slices of the data: where the gap was, and where it shrank.
 
-A single RMSE hides that friction fails at reversals, drift when it is hot, and a compliant joint
-under load. So the same held-out residuals, of the base and of the extended model, are sorted by
-run, frequency, order, direction, speed, temperature, load, and distance from a reversal.
+The held-out residuals of the base and of the extended model are sorted by run, frequency, order,
+direction, speed, temperature, load, and distance from a reversal.
 
 For bands of frequency, and of orders of the output, each unbroken stretch is turned into cosines
 (DCT-II, orthonormal): it does not take the step between its last row and its first for a ripple,
@@ -11,8 +10,7 @@ and by Parseval the squares of the bands add up to those of the rows,
     Σ r² = Σ c_k²,     f_k = k / (2 N Δt),     order_k = π k / L  over an angle L [rad].
 
 `disagreement` compares what the base predicts with what was measured. The noise floor of a band is
-at most what the extended model leaves in it: a model that comes nearer than the floor that the
-base's residual suggests shows that this was too high.
+at most what the extended model leaves in it.
 """
 
 from __future__ import annotations

@@ -119,10 +119,7 @@ class FunctionTable:
         return np.array([a.T @ b for a, b in both]) / self.whitening.variance
 
     def beside(self, work: Working) -> Overlap:
-        """Return the functions beside the columns and shapes of a model, and what a smoother blurs.
-
-        What an inertia misses of a motion that is rounded off follows its acceleration.
-        """
+        """Return the functions beside the columns of a model, and beside what a smoother blurs."""
         blur = [run.blur for run in self.problem.runs]
         known = tuple(one for one in blur if one is not None)
         given = Functions(column=known) if len(known) == len(blur) else None
@@ -293,11 +290,10 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
 
 
 def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
-    """Gain of each named effect beside the functions taken and all of a channel that carries them.
+    """Gain of each named effect beside the functions taken and all of a channel that carries them,
+    over its gain without them.
 
-    Gain, over its gain without them. What a cause without a name shows of one channel alone may be
-    taken for an effect of that channel. Orders of the motor's angle are what a ripple of it is made
-    of: they do not stand against it.
+    Orders of the motor's angle do not stand against a ripple of it, which they are.
     """
     ceiling, own = overlap.ceiling, np.arange(len(overlap.owners))
     load = ceiling.problem.known_load
@@ -320,10 +316,8 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
 def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:
     """Share of its gain that a name keeps beside functions, its coefficients at most as without.
 
-    Functions that hold nearly all of it leave slivers of its columns, by which free coefficients
-    would explain whatever is there. So the name is taken as it was fitted, times c in [0, 1]: with
-    L the squares that functions leave of that column, and b its product with what they leave of
-    the target, it explains 2 c b − c² L.
+    The name is taken as it was fitted, times c in [0, 1]: with L the squares that functions leave
+    of that column, and b its product with what they leave of the target, it explains 2 c b − c² L.
     """
     alone, beside = table.without(others), table.without(np.concatenate([others, functions]))
     beta = solved(alone, mine)
