@@ -14,7 +14,7 @@ Some T, in geometric steps from two samples to half of the longest run, stand fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -213,22 +213,18 @@ def _flexible(sample: Values) -> tuple[list[BasisFunctions], list[BasisFunctions
 def _sample(problem: Problem) -> Values:
     """Every fourth row of all runs that counts, made a window at a time."""
 
+    every, step = SETTINGS.tried, SETTINGS.tried * SETTINGS.rows
+
     def made() -> Values:
         parts = [
-            {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
+            {name: values[::every] for name, values in values_of(problem, number, rows).items()}
             for number, run in enumerate(problem.runs)
             for first, last in run.stretches
-            for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
+            for rows in (slice(row, min(row + step, last)) for row in range(first, last, step))
         ]
         return {name: np.concatenate([values[name] for values in parts]) for name in parts[0]}
 
     return problem.once("sample", made)
-
-
-def windows(size: int, step: int, first: int = 0) -> Iterator[slice]:
-    """Cut rows [first, first + size)."""
-    last = first + size
-    return (slice(row, min(row + step, last)) for row in range(first, last, step))
 
 
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:

@@ -144,12 +144,8 @@ def discover(
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
-        _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
-        if own:
-            raise InputError(
-                "by='simulation' drives effects in the compiled core, which has the catalogue's "
-                "alone; leave own out"
-            )
+        foreign = simulation is not None or simulated_torque is not None
+        _require_simulation(by, foreign, own, lowpass=lowpass, bandwidth=bandwidth)
         if not isinstance(model_or_effects, Model):
             target = target or "motor_torque"
     base, runs, of_base = _base(
@@ -243,25 +239,23 @@ def _by_regression(
     return replace(found, data_faults=judged)
 
 
-def _require_simulation(
-    by: str,
-    simulation: object,
-    simulated_torque: str | None,
-    lowpass: float | None,
-    bandwidth: float | None,
-) -> None:
+def _require_simulation(by: str, foreign: bool, own: object, **smoothing: float | None) -> None:
     if by not in ("regression", "simulation"):
         raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
     if by == "regression":
         raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
-    if simulation is not None or simulated_torque is not None:
+    if foreign:
         raise InputError(
             "by='simulation' drives the effects alone; leave the foreign simulation out"
         )
-    if lowpass is not None:
-        raise InputError("by='simulation' compares the motion as it is; leave lowpass out")
-    if bandwidth is not None:
-        raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
+    for name, value in smoothing.items():
+        if value is not None:
+            raise InputError(f"by='simulation' compares the motion as it is; leave {name} out")
+    if own:
+        raise InputError(
+            "by='simulation' drives effects in the compiled core, which has the catalogue's "
+            "alone; leave own out"
+        )
 
 
 def _by_simulation(
@@ -561,15 +555,9 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
     recorded = sum(len(kept.rows) for kept in recordings)
     moving = at_work([run.log for run in runs], target)
     rest = 0 if moving is None else sum(int(np.count_nonzero(~one)) for one in moving)
-    found = {
-        "used": used,
-        **_counts(recordings),
-        "at rest": rest,
-        "where the motion is not resolved, or what came before is not known": recorded
-        - rest
-        - used,
-    }
-    return {why: count for why, count in found.items() if count or why == "used"}
+    blurred = "where the motion is not resolved, or what came before is not known"
+    found = {**_counts(recordings), "at rest": rest, blurred: recorded - rest - used}
+    return {"used": used, **{why: count for why, count in found.items() if count}}
 
 
 def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:

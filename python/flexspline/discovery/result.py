@@ -366,8 +366,6 @@ class Discovery:
 
         The index is group and label, such as ("reversals", "within ±0.1 s of a reversal").
         """
-        from dataclasses import asdict
-
         import pandas
 
         table = pandas.DataFrame([asdict(part) for part in self.slices])

@@ -11,7 +11,7 @@ neighbours [CoverHart1967].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -204,12 +204,8 @@ class Overlap:
 class Leftover:
     """Functions that explain the residual; `gain` in χ², by channel in `carried`.
 
-    `net`: of each when it was taken, less what the best of so many reaches by chance.
-
-    `share`: of all that names and functions explain, the functions' part, in χ².
-
-    `survives`: gain of each named effect beside these functions and all others of one of their
-    channels, over its gain without them.
+    `net`: of each when it was taken, less what the best of so many reaches by chance. `share`: of
+    all that names and functions explain, the functions' part, in χ². `survives`: see `_survival`.
     """
 
     groups: tuple[BasisFunctions, ...]
@@ -218,11 +214,6 @@ class Leftover:
     share: float
     carried: dict[str, float]
     survives: dict[str, float]
-
-    def times(self, share: float) -> Leftover:
-        """What so many times the rows would show."""
-        carried = {name: share * gain for name, gain in self.carried.items()}
-        return replace(self, gain=share * self.gain, net=share * self.net, carried=carried)
 
     @property
     def channels(self) -> list[str]:
@@ -238,16 +229,15 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
 
 
 def leftover_in(some: FunctionTable, work: Working) -> Leftover:
-    """Find the functions of a table that still gain beside a model, as all rows would show it."""
-    overlap = some.beside(work)
-    above = 0.0
+    """Find the functions of a table that still gain beside a model."""
+    overlap, above = some.beside(work), 0.0
     while len(overlap.chosen) < SETTINGS.tried:
         best = _best(overlap)
         if best is None:
             break
         above += best[1]
         overlap.chosen.append(best[0])
-    return _summary(overlap, work, above).times(1.0 / some.share)
+    return _summary(overlap, work, above)
 
 
 def _best(overlap: Overlap) -> tuple[int, float] | None:
@@ -270,7 +260,9 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
 
 
 def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
+    """What the functions taken explain, as all rows would show it."""
     table, ceiling = overlap.table(), overlap.ceiling
+    times = 1.0 / ceiling.share
     known_load = ceiling.problem.known_load
     groups = [ceiling.groups[k] for k in overlap.chosen]
     ends = len(overlap.owners) + np.cumsum([0, *(group.count for group in groups)])
@@ -281,12 +273,12 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     carried = {}
     for name in dict.fromkeys(c for names in told for c in sorted(names)):
         rest = [a for names, a in zip(told, at, strict=True) if name not in names]
-        carried[name] = gain - table.gain(np.concatenate([none, *rest]), own)
+        carried[name] = times * (gain - table.gain(np.concatenate([none, *rest]), own))
     named = np.isin(overlap.owners, [effect.name for effect in work.named])
     by_names = table.gain(np.flatnonzero(named), np.flatnonzero(~named))
     share = net / max(net + by_names, TINY)
     survives = _survival(overlap, work, set(carried))
-    return Leftover(tuple(groups), gain, net, share, carried, survives)
+    return Leftover(tuple(groups), times * gain, times * net, share, carried, survives)
 
 
 def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
