@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.basis import Functions, channel_told, flexible_basis
 from flexspline.discovery.evidence import Offer, offers, price
-from flexspline.discovery.search import (
-    Searcher,
-    Study,
-    form_of,
-    freedom,
-)
+from flexspline.discovery.search import Searcher, Study, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
@@ -42,15 +37,7 @@ from flexspline.regression.candidate_model import (
     started,
     working,
 )
-from flexspline.regression.gram import (
-    TINY,
-    Sheet,
-    Whitening,
-    left_of,
-    rows_of,
-    solved,
-    tabulated,
-)
+from flexspline.regression.gram import TINY, Sheet, Whitening, left_of, rows_of, solved, tabulated
 
 __all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
            "rivals_of"]  # fmt: skip

@@ -414,11 +414,7 @@ def discovery_json(made: Discovery) -> str:
         "base_effects": made.base_effects,
         "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
-        "rmse": {
-            "base": made.base_rmse,
-            "final": made.final_rmse,
-            "noise_floor": made.noise_floor,
-        },
+        "rmse": {"base": made.base_rmse, "final": made.final_rmse, "noise_floor": made.noise_floor},
         "noise_floor_error": made.floor.error if np.isfinite(made.floor.error) else None,
         "noise_floor_method": BOUNDS[made.floor.by],
         "also_seen": [asdict(one) | unit for one in made.also_seen],

@@ -21,12 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import (
-    LEAD,
-    bent_forms,
-    places_of,
-    turning_over,
-)
+from flexspline.discovery.basis import LEAD, bent_forms, places_of, turning_over
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
