@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.candidates import shaped
 from flexspline.discovery.confirmation import Confirmed, together, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -148,7 +147,7 @@ def assembled(
         for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
-    plan = planned(problem, made.final, made.whitening, pairs, shaped, fit, limits)
+    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],

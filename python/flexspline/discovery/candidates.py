@@ -1,10 +1,8 @@
 """What may be missing: effects in several shapes, orders of ripple, freedoms of the base.
 
-A candidate is an effect in several shapes, of which one is right at most: a Stribeck speed lies
-among the speeds of the runs, the width of a loop among its turns, a time constant between two
-samples and half a run, a resonance among the orders times the speeds; where nothing tells, the
-bounds of the catalogue do. A ripple effect is a pool of orders (its atoms), of which several may be
-there: the low ones of its pairs, those of facts, and those that a scan finds in the residual.
+A candidate is an effect in several shapes (`shaped`), of which one is right at most. A ripple
+effect is a pool of orders (its atoms), of which several may be there: the low ones of its pairs,
+those of facts, and those that a scan finds in the residual.
 
 Freedoms are no names but what a base is given for its form, and for the recorder: friction that
 differs by some per cent between the directions, and a load cell whose clock and filter make it
@@ -16,15 +14,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
+from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
 from flexspline.effects.causes import (
     BASIC_FRICTION,
     COGGING,
@@ -39,7 +35,6 @@ from flexspline.effects.causes import (
     WAVE_GENERATOR_RIPPLE,
 )
 from flexspline.errors import InputError
-from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
@@ -47,6 +42,7 @@ from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
 from flexspline.orders.parts import Candidate as OrderCandidate
 from flexspline.orders.parts import Pair, owner, pairs
+from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
 __all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
@@ -129,70 +125,6 @@ def _both_ways(logs: Sequence[Log]) -> bool:
             return False
     ways = np.concatenate(signs)
     return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)
-
-
-Array = NDArray[np.float64]
-
-SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
-UNIT_CHANNELS = {
-    "rad/s": ("output_velocity",),
-    "Nm": ("known_load",),
-    "rad": ("output_position", "motor_position"),
-}
-
-
-def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[Effect]:
-    """Return the effect with each combination of shapes that is worth screening."""
-    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
-    own = {name: value for name, value in known.items() if name in effect.shapes}
-    effect = effect.with_shapes(**own)
-    free = [s for s in effect.fitted_shapes if s.name not in own]
-    count = max(SETTINGS.points - 2 * max(len(free) - 1, 0), 2)
-    grids = [_grid(effect, shape, problem, count) for shape in free]
-    names = [shape.name for shape in free]
-    return [
-        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
-    ]
-
-
-def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
-    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
-    low, high = problem.once(key, lambda: _range(effect, shape, problem))
-    low, high = max(low, shape.lower), min(high, shape.upper)
-    if not low < high:
-        return [float(np.clip(shape.default, shape.lower, shape.upper))]
-    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
-    return [float(value) for value in inside]
-
-
-def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
-    if shape.unit == "s":
-        step = min(1.0 / run.log.rate for run in problem.runs)
-        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
-    wanted = UNIT_CHANNELS.get(shape.unit, ())
-    reads = ("known_load" if name == "load" else name for name in effect.reads)
-    for name in (name for name in reads if name in wanted):
-        found = [run.channels[name] for run in problem.runs if name in run.channels]
-        sizes = [_size(values, shape.unit) for values in found]
-        if sizes and max(sizes) > 0.0:
-            if effect.ripple:
-                return _resonance(effect, max(sizes))
-            return 0.5 * SETTINGS.negligible * max(sizes), max(sizes)
-    return shape.lower, shape.upper
-
-
-def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
-    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
-    orders = [order for order, _ in effect.harmonics] or [1]
-    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
-
-
-def _size(values: Array, unit: str) -> float:
-    """The largest without the outermost per cent; of angles half the way from end to end."""
-    if unit != "rad":
-        return float(np.quantile(np.abs(values), 1.0 - 0.5 * SETTINGS.negligible))
-    low, high = np.quantile(values, (0.5 * SETTINGS.negligible, 1.0 - 0.5 * SETTINGS.negligible))
-    return float(max(high - low, 0.0)) / 2.0
 
 
 ONE_SINE = (1, "output_on_housing")
@@ -426,7 +358,7 @@ def candidates_for(
         if effect.name in names or not _loaded([*model, effect], problem):
             continue
         effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
-        variants = shaped(effect, tuple(model), problem)
+        variants = shaped(effect, tuple(model), problem, SETTINGS.points)
         if not effect.ripple:
             made.append(Candidate(effect.name, tuple(variants)))
         elif pools.get(effect.name):
