@@ -256,16 +256,11 @@ class Analysis:
     @cached_property
     def errors(self) -> list[float]:
         """RMSE held out, in the target's unit: of the base, and with one name more each."""
-        between = [self.left_by(work).rmse for work in self.nested[1:-1]]
-        return [self.before.rmse, *between, *([self.after.rmse] if self.final.named else [])]
-
-    @cached_property
-    def nested(self) -> list[Working]:
-        """The base, and the model with one name more each."""
-        final, fitted = self.final, self.searcher.fitted
-        ends = range(final.base + 1, len(final.effects))
-        between = [fitted(final.having(final.effects[:end]))[0] for end in ends]
-        return [self.base, *between, *([final] if final.named else [])]
+        final = self.final
+        some = (final.effects[:end] for end in range(final.base + 1, len(final.effects)))
+        models = (self.searcher.fitted(final.having(effects))[0] for effects in some)
+        between = [self.left_by(work).rmse for work in models]
+        return [self.before.rmse, *between, *([self.after.rmse] if final.named else [])]
 
     @cached_property
     def unexplained(self) -> float:
@@ -443,12 +438,12 @@ def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Left
     forward alone or grows with the speed. The speed is asked about only where the name's own
     channels carry all that is left, and that is more than a small part.
     """
-    problem, whitening, name = ceiling.problem, ceiling.whitening, effect.name
+    problem, name = ceiling.problem, effect.name
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
     parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
     velocity = [run.log["output_velocity"] for run in problem.runs]
-    turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
+    turned, own = _left_by(ceiling, work, name, parts, [np.sign(v) for v in velocity])
     known = problem.known_load
     carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
     little = ceiling.share * leftover.net < SETTINGS.little * own
@@ -457,21 +452,17 @@ def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Left
     sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
     mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
     faster = [np.abs(v) / mean - 1.0 for v in velocity]
-    return 0.5 < _left_by(problem, work, whitening, name, parts, faster)[0] < 2.0
+    return 0.5 < _left_by(ceiling, work, name, parts, faster)[0] < 2.0
 
 
 def _left_by(
-    problem: Problem,
-    work: Working,
-    whitening: Whitening,
-    name: str,
-    parts: Sequence[Array],
-    by: Sequence[Array],
+    ceiling: Ceiling, work: Working, name: str, parts: Sequence[Array], by: Sequence[Array]
 ) -> tuple[float, float]:
     """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
     turned = tuple(f * m for f, m in zip(parts, by, strict=True))
     squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
-    table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
+    sheet = work.sheet(given=Functions(column=turned))
+    table = tabulated(ceiling.problem, sheet, ceiling.whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     last = np.array([len(model)])
     own = table.gain(model[owners == name], model[owners != name])
@@ -505,8 +496,8 @@ def _stand_in(
     shares = {name: leftover.net / max(gain, TINY)
               for name, gain in gains.items() if small is None or name in small}  # fmt: skip
     larger = SETTINGS.overwhelming if small is None else 1.0
-    spurious = [n for n, share in shares.items()
-               if share > larger * leftover.net / max(at_first, TINY)
-               or (share > SETTINGS.little
-                   and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
+    most = larger * leftover.net / max(at_first, TINY)
+    held = [name for name in shares if leftover.survives[name] < SETTINGS.stand_in]
+    spurious = [name for name, share in shares.items()
+                if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
     return max(spurious, key=lambda name: shares[name], default=None)
