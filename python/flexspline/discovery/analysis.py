@@ -256,11 +256,16 @@ class Analysis:
     @cached_property
     def errors(self) -> list[float]:
         """RMSE held out, in the target's unit: of the base, and with one name more each."""
-        final = self.final
-        some = (final.effects[:end] for end in range(final.base + 1, len(final.effects)))
-        models = (self.searcher.fitted(final.having(effects))[0] for effects in some)
-        between = [self.left_by(work).rmse for work in models]
-        return [self.before.rmse, *between, *([self.after.rmse] if final.named else [])]
+        between = [self.left_by(work).rmse for work in self.nested[1:-1]]
+        return [self.before.rmse, *between, *([self.after.rmse] if self.final.named else [])]
+
+    @cached_property
+    def nested(self) -> list[Working]:
+        """The base, and the model with one name more each."""
+        final, fitted = self.final, self.searcher.fitted
+        ends = range(final.base + 1, len(final.effects))
+        between = [fitted(final.having(final.effects[:end]))[0] for end in ends]
+        return [self.base, *between, *([final] if final.named else [])]
 
     @cached_property
     def unexplained(self) -> float:

@@ -35,7 +35,7 @@ from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
-from flexspline.regression.candidate_model import HeldOut, held_out, rmse_error
+from flexspline.regression.candidate_model import held_out, rmse_error
 from flexspline.regression.gram import TINY, by_runs
 
 __all__ = ["assembled", "where"]
@@ -133,11 +133,12 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    before, after, steps = made.before, made.after, made.errors
+    steps = held.steps.rmse
+    own = rmse_error(held.steps.residuals[-1], problem.block_rows)
     unexplained, floor = (
-        _unexplained(made, after, steps)
-        or _again(made, after, steps)
-        or (None, NoiseFloor(steps[-1], rmse_error(after), BY_NAMES))
+        _unexplained(made, steps, own)
+        or _again(made, steps, own)
+        or (None, NoiseFloor(steps[-1], own, BY_NAMES))
     )
     groups, named = together(steps), [e.name for e in made.final.named]
     found = [
@@ -161,8 +162,8 @@ def assembled(
         unexplained=unexplained,
         next_experiment=plan.sentence if plan else None,
         fit=fit,
-        runs=_runs(made, before, after),
-        motion=driven_apart(made, before, after, fit.model.facts),
+        runs=_runs(made, held.steps.residuals[0], held.steps.residuals[-1]),
+        motion=driven_apart(made, fit.model.facts),
         not_tried=made.study.not_tried,
         refused={name: why for name, why in made.searcher.refused.items() if name not in named},
         doubted=made.rejected,
@@ -175,7 +176,7 @@ def assembled(
     )
 
 
-def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:
+def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:
     """What both models predict of folds that they never saw, and the load if it is known in Nm."""
     problem, final = made.study.problem, made.final
     own = [e.name for e in final.effects if e.info.carries_load]
@@ -185,39 +186,34 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
         loads = [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
     return tuple(
         HeldRun(run.log, run.target, run.target - base, run.target - last, load)
-        for run, base, last, load in zip(
-            problem.runs, before.residuals, after.residuals, loads, strict=True
-        )
+        for run, base, last, load in zip(problem.runs, before, after, loads, strict=True)
     )
 
 
 def _unexplained(
-    made: Analysis, left: HeldOut, steps: list[float]
+    made: Analysis, steps: list[float], own: float
 ) -> tuple[Unexplained, NoiseFloor] | None:
     """What functions of the channels tell of what is left, if it matters; and the floor below.
 
     Where folds go where no other goes, functions lower nothing on them, and all that is left is the
-    bound of the noise.
+    bound of the noise. `own`: standard error of the last step.
     """
     if not made.leftover.groups or made.unexplained < SETTINGS.bends:
         return None
     told = Unexplained(made.unexplained, tuple(made.leftover.channels))
     problem, rows = made.part.problem, made.fitted_as
     beside = held_out(problem, made.final, rows, Functions(made.leftover.groups))
-    scale = 1.0
-    if made.part is not made.study:
-        scale = steps[-1] / held_out(problem, made.final, rows).rmse
+    scale = steps[-1] / held_out(problem, made.final, rows).rmse
     floor = scale * beside.rmse
     if floor >= steps[-1]:
-        return told, NoiseFloor(steps[-1], rmse_error(left), BY_NAMES)
-    return told, NoiseFloor(min(floor, *steps), scale * rmse_error(beside), BY_FUNCTIONS)
+        return told, NoiseFloor(steps[-1], own, BY_NAMES)
+    error = scale * rmse_error(beside.residuals, problem.block_rows)
+    return told, NoiseFloor(min(floor, *steps), error, BY_FUNCTIONS)
 
 
-def _again(
-    made: Analysis, left: HeldOut, steps: list[float]
-) -> tuple[Unexplained, NoiseFloor] | None:
+def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained, NoiseFloor] | None:
     """What comes again at the same place in other folds, if it matters; and the floor below it."""
-    again = repeated(left)
+    again = repeated(made.after)
     if again is None:
         return None
     share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
@@ -226,7 +222,7 @@ def _again(
     known = made.study.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
     floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
-    error = np.hypot(steps[-1] * rmse_error(left), 0.5 * again.error) / max(floor, TINY)
+    error = np.hypot(steps[-1] * own, 0.5 * again.error) / max(floor, TINY)
     bound = NoiseFloor(floor, float(error), BY_PLACE)
     return Unexplained(float(min(share, 1.0)), tuple(channels)), bound
 

@@ -46,8 +46,8 @@ from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
 __all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
-           "joined", "order_pools", "possible", "scanned", "shaped", "span_of", "unseen",
-           "unseen_of", "with_freedoms"]  # fmt: skip
+           "joined", "order_pools", "possible", "scanned", "span_of", "unseen", "unseen_of",
+           "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +49,14 @@ from flexspline.effects import Effect
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.dependence import Dependence
-from flexspline.regression.candidate_model import HeldOut, Working, fall_of
+from flexspline.regression.candidate_model import HeldOut, Working, fall_of, rmse_of
 from flexspline.regression.gram import SINGULAR, TINY
 
-__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together",
+__all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance", "together",
            "wald"]  # fmt: skip
 
 Array = NDArray[np.float64]
+Residuals = tuple[Array, ...]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 SMALL, UNSEEN = "too small to matter", "too small to be seen held out"
@@ -82,7 +84,7 @@ class Shown:
 
     `p`: of Wald's test, its shapes held; `loose`: t with them free. `fall`, `error`: of the
     held-out mean square when the name joins the others, and its standard error. `share`: of what
-    all names close. `rmse`: without it, with it. `square`: χ² of the same test.
+    all names close. `without`: RMSE without it. `square`: χ² of the same test.
     """
 
     effect: Effect
@@ -91,7 +93,7 @@ class Shown:
     fall: float
     error: float
     share: float
-    rmse: tuple[float, float]
+    without: float
     loose: float = np.inf
     square: float = np.inf
 
@@ -113,32 +115,54 @@ class Sure:
     doubt: str
 
 
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What `fit` leaves of rows held out, (N,) of each run: of the base, with one name more each.
+
+    The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
+    model to the same runs.
+    """
+
+    residuals: tuple[Residuals, ...]
+
+    @cached_property
+    def rmse(self) -> list[float]:
+        """In the target's unit, of each model."""
+        return [rmse_of(left) for left in self.residuals]
+
+
 @dataclass(frozen=True)
 class Confirmed:
     """The analysis with the names that hold, what each shows, the fit of its model.
 
     `also_seen`: effects that are real but too small to matter. `rivals`: of each name, best first.
-    `sure`: of each name.
+    `sure`: of each name. `steps`: what is left as one name joins after the other.
     """
 
     made: Analysis
     fit: Fit
+    steps: Steps
     shown: Mapping[str, Shown]
     also_seen: tuple[AlsoSeen, ...]
     rivals: Mapping[str, Sequence[Rival]]
     sure: Mapping[str, Sure]
 
 
-def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
+def confirmed(
+    made: Analysis,
+    fitted: Callable[[Working], Fit],
+    left_by: Callable[[Working], Residuals],
+    base: Sequence[str],
+) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters
     ----------
-    fitted : makes the fit of a model.
+    fitted, left_by : make the fit of a model, and what fits of it leave of rows held out.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
-    small: list[AlsoSeen] = []
+    small: list[Shown] = []
     made = _in_order(_settled(made, base))
     while True:
         fit = fitted(made.final)
@@ -152,12 +176,17 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
             unlikely = _unlikely(rivals, sure)
             lesser = list(rivals) if made.unexplained > 0.5 else []
-            if not unlikely and not lesser:
-                return Confirmed(made, fit, shown, tuple(small), rivals, sure)
-            name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
+            if unlikely or lesser:
+                name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
+            else:
+                steps = _steps(made, fit, left_by)
+                rising = _rising([*shown.values()], steps.rmse)
+                if rising is None:
+                    seen = _also_seen(made, small, steps.rmse[-1], left_by)
+                    return Confirmed(made, fit, steps, shown, seen, rivals, sure)
+                name, why = rising.effect.name, NOT_LOWER
         if why == SMALL:
-            one = shown[name]
-            small.append(AlsoSeen(name, *one.rmse, one.t, float(np.clip(one.share, -1.0, 1.0))))
+            small.append(shown[name])
             made.searcher.refused.pop(name, None)  # of an earlier step
         elif why:
             made.searcher.refused[name] = why
@@ -174,7 +203,7 @@ def _weakest(
     if failing := [one for one in shown if one.withdrawn]:
         worst = max(failing, key=lambda one: (one.p, -one.share))
         return worst.effect.name, worst.withdrawn
-    if rising := _rising(made, shown):
+    if rising := _rising(shown, made.errors):
         return rising.effect.name, NOT_LOWER
     if untold := _untold(fit, shown):
         return untold, UNTOLD
@@ -215,12 +244,11 @@ def together(errors: Sequence[float]) -> list[tuple[int, int]]:
     return groups if first == len(errors) - 1 else [*groups, (first, len(errors) - 1)]
 
 
-def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
+def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
     """The weakest name that raises the held-out error as it joins those before it; None of none.
 
     In a group that lowers it together, each has to do so beside all others beyond chance.
     """
-    errors = made.errors
     raised = [
         one
         for first, last in together(errors)
@@ -228,6 +256,31 @@ def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
         if errors[last] >= errors[first] or (last - first > 1 and one.fall < ERRORS * one.error)
     ]
     return max(raised, key=lambda one: one.p, default=None)
+
+
+def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) -> Steps:
+    last = [tuple(run.held_out for run in fit.runs)] if made.final.named else []
+    before = made.nested[:-1] if last else made.nested
+    return Steps((*map(left_by, before), *last))
+
+
+def _also_seen(
+    made: Analysis,
+    small: Sequence[Shown],
+    without: float,
+    left_by: Callable[[Working], Residuals],
+) -> tuple[AlsoSeen, ...]:
+    """Those of the small effects that lower the error held out beside the names, if by little."""
+    found = []
+    for one in small:
+        beside, _ = made.searcher.fitted(made.final.with_effects(one.effect))
+        error = rmse_of(left_by(beside))
+        if error < without:
+            share = float(np.clip(one.share, -1.0, 1.0))
+            found.append(AlsoSeen(one.effect.name, without, error, one.t, share))
+        else:
+            made.searcher.refused[one.effect.name] = UNSEEN
+    return tuple(found)
 
 
 def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
@@ -281,7 +334,7 @@ def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     """Those of several names that are too small to matter beside the others."""
     plain = SETTINGS.little * max((one.t for one in shown), default=0.0)
     little = [one for one in shown if one.share < SETTINGS.form and one.t < plain
-              and one.fall < SETTINGS.negligible * one.rmse[0] ** 2]  # fmt: skip
+              and one.fall < SETTINGS.negligible * one.without**2]  # fmt: skip
     return little if len(shown) > 1 else []
 
 
@@ -331,8 +384,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         share = fall / gap if gap > 0.0 else 1.0
         square, count = wald(fit, effect.name, held=True)
         p, loose = float(chi2.sf(square, count)), equivalent_t(*wald(fit, effect.name))
-        rmse = rest.rmse, whole.rmse
-        shown.append(Shown(effect, p, t, fall, error, share, rmse, loose, square))
+        shown.append(Shown(effect, p, t, fall, error, share, rest.rmse, loose, square))
     return shown
 
 

@@ -18,7 +18,7 @@ from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_l
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, unseen_of, with_freedoms
-from flexspline.discovery.confirmation import Confirmed, confirmed
+from flexspline.discovery.confirmation import Confirmed, Residuals, confirmed
 from flexspline.discovery.faults import (
     SENSOR,
     DataFault,
@@ -40,10 +40,10 @@ from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
 from flexspline.errors import InputError, listed
 from flexspline.experiment.plan import Limits
-from flexspline.fitting import fit, fit_near, with_orders
+from flexspline.fitting import fit, fit_near, held_out_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
-from flexspline.least_squares.options import FitOptions, MotionOptions
+from flexspline.least_squares.options import Bounds, FitOptions, MotionOptions
 from flexspline.least_squares.problem import (
     Problem,
     away_from_ends,
@@ -68,6 +68,9 @@ from flexspline.signals import require_apart
 from flexspline.simulator import SIMULATED, Simulated
 
 __all__ = ["discover"]
+
+Posed = tuple[Problem, tuple[Effect, ...], dict[str, float], dict[str, Bounds]]
+"""What `fit_near` takes: a problem, effects, fixed values, bounds."""
 
 
 def discover(
@@ -408,14 +411,20 @@ class _Recorded:
         task = self.task
         task.say("errors and validation")
 
-        def fitted(work: Working) -> Fit:
+        def posed(work: Working) -> Posed:
             problem, base = self.problem(work.effects), work.effects[: work.base]
             held = {**unseen_of(work.named, problem), **task.fixed, **held_of(base, free, problem)}
             springs = spring_bounds(work, task.target)
             allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
-            return fit_near(problem, work.effects, held, allowed, task.model, general=True)
+            return problem, work.effects, held, allowed
 
-        return confirmed(made, fitted, [effect.name for effect in task.effects])
+        def fitted(work: Working) -> Fit:
+            return fit_near(*posed(work), task.model, general=True)
+
+        def left_by(work: Working) -> Residuals:
+            return held_out_near(*posed(work))
+
+        return confirmed(made, fitted, left_by, [effect.name for effect in task.effects])
 
 
 def _all_of(

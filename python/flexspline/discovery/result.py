@@ -36,7 +36,7 @@ from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
 from flexspline.prepared import bandwidth_used, inputs_json
-from flexspline.regression.candidate_model import Fold, HeldOut, Working
+from flexspline.regression.candidate_model import Fold, Working
 from flexspline.regression.gram import TINY
 from flexspline.schema import checked_json
 
@@ -125,9 +125,7 @@ class Motion:
         return float(np.sqrt(np.nanmean(left**2)))
 
 
-def driven_apart(
-    made: Analysis, before: HeldOut, after: HeldOut, facts: Mapping[str, Any]
-) -> Motion | None:
+def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
     """Return both models' motion through every fold, None where one of them cannot be driven."""
     problem = made.study.problem
     both = (made.base, made.final)
@@ -137,16 +135,16 @@ def driven_apart(
     if not all(INERTIA in [e.name for e in work.effects] for work in both):
         return None
     try:
-        return _driven(made, before, after, dict(facts))
+        return _driven(made, dict(facts))
     except InputError:
         return None
 
 
-def _driven(made: Analysis, before: HeldOut, after: HeldOut, facts: dict[str, Any]) -> Motion:
+def _driven(made: Analysis, facts: dict[str, Any]) -> Motion:
     from flexspline.forward import simulate
 
     problem, runs = made.study.problem, []
-    for first, last in zip(before.folds, after.folds, strict=True):
+    for first, last in zip(made.before.folds, made.after.folds, strict=True):
         log = problem.runs[first.run].log
         log = log.rows(slice(first.first, first.last), note="one fold")
         one = simulate(_model(made, made.base, first, facts), log)

@@ -72,6 +72,7 @@ __all__ = [
     "refitted",
     "restricted_whitening",
     "rmse_error",
+    "rmse_of",
     "shaped",
     "solved_at",
     "started",
@@ -532,11 +533,7 @@ class HeldOut:
     @property
     def rmse(self) -> float:
         """In the unit of the target, of all rows that count."""
-        counted = (np.isfinite(part) for part in self.residuals)
-        parts = [part if c.all() else part[c] for part, c in
-                 zip(self.residuals, counted, strict=True)]  # fmt: skip
-        squares = sum(float(part @ part) for part in parts)
-        return float(np.sqrt(squares / sum(map(len, parts))))
+        return rmse_of(self.residuals)
 
 
 def held_out(
@@ -599,12 +596,20 @@ def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[
             yield Fold(number, int(first), int(last), values)
 
 
-def rmse_error(held: HeldOut) -> float:
-    """Return the standard error of an RMSE held out: blocks longer than memory are independent."""
+def rmse_of(residuals: Sequence[Array]) -> float:
+    """Return the RMSE of residuals (N,) of each run; NaN where a row does not count."""
+    counted = (np.isfinite(part) for part in residuals)
+    parts = [part if c.all() else part[c] for part, c in zip(residuals, counted, strict=True)]
+    squares = sum(float(part @ part) for part in parts)
+    return float(np.sqrt(squares / sum(map(len, parts))))
+
+
+def rmse_error(residuals: Sequence[Array], rows: int) -> float:
+    """Return the standard error of `rmse_of`; blocks of so many rows are independent."""
     sums, counts = list[float](), list[int]()
-    for left in held.residuals:
+    for left in residuals:
         squares = left[np.isfinite(left)] ** 2
-        blocks = np.array_split(squares, max(1, round(len(squares) / held.problem.block_rows)))
+        blocks = np.array_split(squares, max(1, round(len(squares) / rows)))
         sums += [float(block.sum()) for block in blocks]
         counts += [len(block) for block in blocks]
     if len(sums) < 2 or not sum(sums) > 0.0:
