@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.candidates import shaped
 from flexspline.discovery.confirmation import Confirmed, together, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -86,11 +85,8 @@ def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
         known = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1]
         words = [_told(order, p, facts) for order in own for p in known]
         told = "; ".join(word for word in words if word)
-        said.append(
-            f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))} of "
-            + pair.replace("_", " ")
-            + (f" ({told})" if told else "")
-        )
+        orders = f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))}"
+        said.append(f"{orders} of {pair.replace('_', ' ')}{f' ({told})' if told else ''}")
     return ", ".join(said)
 
 
@@ -144,7 +140,7 @@ def assembled(
         or _again(made, steps, own)
         or (None, NoiseFloor(steps[-1], own, BY_NAMES))
     )
-    groups = together(steps)
+    groups, named = together(steps), [e.name for e in made.final.named]
     found = [
         _found(held, effect, group, (steps[first], steps[last]))
         for first, last in groups
@@ -152,7 +148,7 @@ def assembled(
         for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
-    plan = planned(problem, made.final, made.whitening, pairs, shaped, fit, limits)
+    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],
@@ -169,7 +165,7 @@ def assembled(
         runs=_runs(made, held.steps.residuals[0], held.steps.residuals[-1]),
         motion=driven_apart(made, fit.model.facts),
         not_tried=made.study.not_tried,
-        refused=_refused(made),
+        refused={name: why for name, why in made.searcher.refused.items() if name not in named},
         doubted=made.rejected,
         plan=plan,
         also_seen=held.also_seen,
@@ -290,8 +286,3 @@ def _evidence(
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."
-
-
-def _refused(made: Analysis) -> dict[str, str]:
-    named = {e.name for e in made.final.named}
-    return {name: why for name, why in made.searcher.refused.items() if name not in named}

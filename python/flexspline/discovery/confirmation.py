@@ -1,7 +1,7 @@
 """What a name has to show before it is the answer: in the fit that is returned, and held out.
 
-A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
-reader asks two plain questions, and a name that fails one of them is withdrawn:
+A search weighs evidence in the metric of the noise. A reader asks plain questions, and a name that
+fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
                                             with its shapes held, t > 2 without
@@ -10,17 +10,15 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             more than two standard errors
 
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
-the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
+the error of a coefficient large that the runs tell from zero well [Davies1987]. So the test holds
 them; but neither may the errors that are printed reach zero.
 
 Nor is it a name where something else is four times as likely: of any, other effects that explain as
-much; of the first, what no name explains as well. Where that is more than what all names explain,
-held out, what is missing is not known, and none of them is the answer. Nor is the later of two
-names whose coefficients are all confounded with each other's. Of several names, one that closes
-less than a form may miss of what all of them close held out, and less than a hundredth of what is
-left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
-is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
-the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
+much; of the first, what no name explains as well. Where that is more than all names explain held
+out, none of them is the answer. Nor is the later of two names whose coefficients are confounded.
+Of several names, one that closes less than a form may miss of what all of them close held out, and
+less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
+real but too small to matter (`AlsoSeen`).
 """
 
 from __future__ import annotations
@@ -54,17 +52,8 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.candidate_model import HeldOut, Working, fall_of, rmse_of
 from flexspline.regression.gram import SINGULAR, TINY
 
-__all__ = [
-    "AlsoSeen",
-    "Confirmed",
-    "Residuals",
-    "Shown",
-    "Steps",
-    "confirmed",
-    "significance",
-    "together",
-    "wald",
-]
+__all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance", "together",
+           "wald"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Residuals = tuple[Array, ...]
@@ -230,7 +219,7 @@ def _weakest(
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     """The last name that shows no more in the final fit than forms of others may miss; "" of none.
 
-    The search asked it in the metric of its noise. What is certain may be small beside a large one.
+    What is certain may be small beside a large one.
     """
     for one in reversed(shown):
         others = [other for other in shown if other is not one]
@@ -243,10 +232,9 @@ def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
 def together(errors: Sequence[float]) -> list[tuple[int, int]]:
     """Cut the names, which join one after the other, into groups after which the error is lower.
 
-    `errors`: held out, of the base and with each name more. A group is [first, last) of the names.
-    Mostly it is one name; one that raises the error is in a group with those that make up for it:
-    waves of friction show once its course over the speed is right, and the other way round. Names
-    that nothing makes up for are a last group that is not lower.
+    `errors`: held out, of the base and with each name more. A group is [first, last) of the names:
+    one, or one that raises the error with those that make up for it. Names that nothing makes up
+    for are a last group that is not lower.
     """
     groups, first = [], 0
     for last in range(1, len(errors)):
@@ -296,10 +284,7 @@ def _also_seen(
 
 
 def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
-    """The later of two names that are confounded as wholes; "" of none.
-
-    Their sum is known and neither of them: a bump over an angle is gravity and a ripple at once.
-    """
+    """The later of two names that are confounded as wholes; "" of none."""
     terms = {e.name: set(coefficient_names([e])) for e in (one.effect for one in shown)}
     for group in fit.confounded:
         within = [name for name, own in terms.items() if own <= {*group.names}]
@@ -331,20 +316,14 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
 
 
 def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
-    """Names that something else is four times as likely as; what no name explains bars the first.
-
-    Behind a first name that is likely, a small one that lowers the held-out error may stay.
-    """
+    """Names that others are four times as likely as; what no name explains bars the first alone."""
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
     return [name for number, name in enumerate(rivals)
             if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
-    """The rival that reads a channel which these runs hardly tell from one of the effect's.
-
-    What remembers is no function of a channel, and of none that follows it.
-    """
+    """The rival with the channel that ties it to the effect; what remembers is tied by none."""
     alike = rival.effect.info.remembers == effect.info.remembers
     reads = effect.info.reads, rival.effect.info.reads
     own = (one.said for one in tied if alike and one.swapped(*reads))
@@ -412,9 +391,8 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 def _fall(rest: HeldOut, whole: HeldOut) -> tuple[float, float]:
     """By how much a model with a name more lowers the mean square held out, and its error.
 
-    Every model predicts a fold badly that goes far beyond all others, to angles or speeds that
-    these never saw; that error is no chance. Where the mean square falls with that fold too, the
-    fall may be significant on the others alone.
+    A fold that goes far beyond all others is predicted badly by every model. Where the mean square
+    falls with it too, the fall may be significant on the others alone.
     """
     length = whole.problem.block_rows
     fall, error = fall_of(rest.residuals, whole.residuals, length)
@@ -433,10 +411,7 @@ def _but_fold(held: HeldOut, number: int) -> list[Array]:
 
 
 def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
-    """Take out what the base was given, where it lowers the held-out error by no more than chance.
-
-    It needs no fit, and comes before the names are put to the test.
-    """
+    """Take out what the base was given, where it does not lower the held-out error (`_lowers`)."""
     for name in (e.name for e in made.base.effects if e.name not in base):
         if not _lowers(made, name):
             made = made.without(name)
@@ -446,8 +421,7 @@ def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
 def _lowers(made: Analysis, name: str) -> bool:
     """Whether what the base was given lowers the held-out error beyond chance.
 
-    It is given to every base, and may be what one of the runs shows for another reason: it has to
-    do so without the fold that shows it most, too.
+    It has to do so without the fold that shows it most, too, which may have another reason.
     """
     before, after = made.left_by(made.final.without(name)), made.after
     at = [(fold.run, slice(fold.first, fold.last)) for fold in after.folds]

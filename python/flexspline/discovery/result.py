@@ -8,7 +8,6 @@ Besides the name, of weight one, there are its n aliases, each as good; a cause 
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
 enough to be said to be unexplained (x from 0 at once that share to 1 at twice), as far as they take
 its own gain from it (a share 1 − s); and chance, by its Δχ² above the significance threshold, e.
-Weights of indistinguishable explanations are equal: p is rather too low than too high.
 
 `Motion` is base and extended model driven forward through held-out folds: each starts from its
 measured state and is driven by its inputs alone.
@@ -53,17 +52,8 @@ if TYPE_CHECKING:
     from flexspline.logs.checks.dependence import Dependence
     from flexspline.simulator import Simulated
 
-__all__ = [
-    "Discovery",
-    "Found",
-    "Motion",
-    "NoiseFloor",
-    "Unexplained",
-    "confidence",
-    "discovery_json",
-    "doubt",
-    "driven_apart",
-]
+__all__ = ["Discovery", "Found", "Motion", "NoiseFloor", "Unexplained", "confidence", "doubt",
+           "driven_apart"]  # fmt: skip
 
 
 def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
@@ -374,8 +364,6 @@ class Discovery:
 
         The index is group and label, such as ("reversals", "within ±0.1 s of a reversal").
         """
-        from dataclasses import asdict
-
         import pandas
 
         table = pandas.DataFrame([asdict(part) for part in self.slices])
@@ -424,11 +412,7 @@ def discovery_json(made: Discovery) -> str:
         "base_effects": made.base_effects,
         "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
-        "rmse": {
-            "base": made.base_rmse,
-            "final": made.final_rmse,
-            "noise_floor": made.noise_floor,
-        },
+        "rmse": {"base": made.base_rmse, "final": made.final_rmse, "noise_floor": made.noise_floor},
         "noise_floor_error": made.floor.error if np.isfinite(made.floor.error) else None,
         "noise_floor_method": BOUNDS[made.floor.by],
         "also_seen": [asdict(one) | unit for one in made.also_seen],

@@ -30,15 +30,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from flexspline.effects import Effect
+from flexspline.effects import Effect, ShapeInfo
 from flexspline.least_squares.noise_model import Chunk, noise_model
-from flexspline.least_squares.options import ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.least_squares.options import (
+    SHARED,
+    ShapeParameter,
+    coefficient_names,
+    resolve,
+    shapes_of,
+)
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import (
     SINGULAR,
@@ -67,6 +73,7 @@ __all__ = [
     "restricted_whitening",
     "rmse_error",
     "rmse_of",
+    "shaped",
     "solved_at",
     "started",
     "working",
@@ -311,6 +318,76 @@ def started(
         best = min(trials, key=lambda trial: trial[0])
         work = best[1] if best[0] < (1.0 - told) * trials[0][0] else trials[0][1]
     return refitted(problem, work, whitening)
+
+
+SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
+OUTERMOST = 0.005  # of the values of a channel at either end, that tell nothing of its size
+UNIT_CHANNELS = {
+    "rad/s": ("output_velocity",),
+    "Nm": ("known_load",),
+    "rad": ("output_position", "motor_position"),
+}
+
+
+def shaped(
+    effect: Effect, model: tuple[Effect, ...], problem: Problem, points: int = SCANNED
+) -> list[Effect]:
+    """Return the effect with each combination of shapes that is worth screening.
+
+    A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
+    constant between two samples and half a run, a resonance among the orders times the speeds;
+    where nothing tells, the bounds of the catalogue do. `points`: values of a single shape.
+    """
+    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
+    own = {name: value for name, value in known.items() if name in effect.shapes}
+    effect = effect.with_shapes(**own)
+    free = [s for s in effect.fitted_shapes if s.name not in own]
+    count = max(points - 2 * max(len(free) - 1, 0), 2)
+    grids = [_grid(effect, shape, problem, count) for shape in free]
+    names = [shape.name for shape in free]
+    return [
+        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
+    ]
+
+
+def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
+    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
+    low, high = problem.once(key, lambda: _range(effect, shape, problem))
+    low, high = max(low, shape.lower), min(high, shape.upper)
+    if not low < high:
+        return [float(np.clip(shape.default, shape.lower, shape.upper))]
+    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
+    return [float(value) for value in inside]
+
+
+def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
+    if shape.unit == "s":
+        step = min(1.0 / run.log.rate for run in problem.runs)
+        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
+    wanted = UNIT_CHANNELS.get(shape.unit, ())
+    reads = ("known_load" if name == "load" else name for name in effect.reads)
+    for name in (name for name in reads if name in wanted):
+        found = [run.channels[name] for run in problem.runs if name in run.channels]
+        sizes = [_size(values, shape.unit) for values in found]
+        if sizes and max(sizes) > 0.0:
+            if effect.ripple:
+                return _resonance(effect, max(sizes))
+            return OUTERMOST * max(sizes), max(sizes)
+    return shape.lower, shape.upper
+
+
+def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
+    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
+    orders = [order for order, _ in effect.harmonics] or [1]
+    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
+
+
+def _size(values: Array, unit: str) -> float:
+    """The largest without the outermost per cent; of angles half the way from end to end."""
+    if unit != "rad":
+        return float(np.quantile(np.abs(values), 1.0 - OUTERMOST))
+    low, high = np.quantile(values, (OUTERMOST, 1.0 - OUTERMOST))
+    return float(max(high - low, 0.0)) / 2.0
 
 
 def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
