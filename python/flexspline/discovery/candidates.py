@@ -141,11 +141,16 @@ def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[F
 
 
 def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
-    """Return the orders of two scans, each once, the strongest of each scan first."""
-    known = {(line.order, line.pair) for line in before}
-    return before[: SETTINGS.functions // 2] + tuple(
-        f for f in after if (f.order, f.pair) not in known
-    )
+    """Return the orders of two scans, each once, the strongest of each scan first.
+
+    What is left after the first scan may peak beside an order that it had, within its resolution.
+    """
+
+    def known(line: FoundOrder) -> bool:
+        apart = (abs(line.per_output_turn - b.per_output_turn) / b.resolution for b in before)
+        return min(apart, default=np.inf) < 1.0
+
+    return before[: SETTINGS.functions // 2] + tuple(line for line in after if not known(line))
 
 
 def order_pools(
