@@ -18,6 +18,9 @@ from demo_run import Demo
 from mujoco_plugins import Loaded, loader
 from undrawn import undrawn
 
+from flexspline.errors import InputError
+from flexspline.model import Model
+
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
@@ -62,6 +65,21 @@ def mujoco() -> Any:
 def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
     """What compiles and loads the MuJoCo plugin of a model."""
     return loader(mujoco, tmp_path_factory.mktemp("plugins"))
+
+
+@pytest.fixture
+def refused_model(tmp_path: Path) -> Callable[[str], str]:
+    """What says why a model.json of this text is refused; it begins with the file."""
+
+    def why(text: str) -> str:
+        path = tmp_path / "joint.json"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError) as caught:
+            Model.load(path)
+        assert str(caught.value).startswith(f"{path}: ")
+        return str(caught.value)
+
+    return why
 
 
 @pytest.fixture

@@ -55,6 +55,7 @@ __all__ = [
     "comment",
     "heading",
     "losses_text",
+    "mjcf_file",
     "mjcf_text",
     "output_torque",
     "plain_joint",
@@ -526,22 +527,22 @@ def mjcf_text(joint: PlainJoint) -> str:
     inertial = attributes(
         [("pos", "0 0 0"), ("mass", "0.001"), ("diaginertia", "1e-09 1e-09 1e-09")]
     )
-    return "\n".join(
-        [
-            f"<mujoco {attributes([('model', joint.name)])}>",
-            comment(_said_in_mjcf(joint), "  "),
-            '  <compiler angle="radian"/>',
-            "  <worldbody>",
-            "    <body>",
-            f"      <inertial {inertial}/>",
-            f"      <joint {element}/>",
-            "    </body>",
-            "  </worldbody>",
-            *_actuators(joint),
-            "</mujoco>",
-            "",
-        ]
-    )
+    inside = [
+        "  <worldbody>",
+        "    <body>",
+        f"      <inertial {inertial}/>",
+        f"      <joint {element}/>",
+        "    </body>",
+        "  </worldbody>",
+        *_actuators(joint),
+    ]
+    return mjcf_file(joint.name, _said_in_mjcf(joint), inside)
+
+
+def mjcf_file(name: str, said: Iterator[str], inside: Sequence[str]) -> str:
+    """Return the text of an MJCF file in radians: its name, a comment, and what it holds."""
+    head = [f"<mujoco {attributes([('model', name)])}>", comment(said, "  ")]
+    return "\n".join([*head, '  <compiler angle="radian"/>', *inside, "</mujoco>", ""])
 
 
 def _actuators(joint: PlainJoint) -> Iterator[str]:

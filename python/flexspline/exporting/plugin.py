@@ -37,10 +37,10 @@ from flexspline.exporting.header import by_motor_encoder, header_text, own_heade
 from flexspline.exporting.plain_joint import (
     ARMATURE,
     attributes,
+    mjcf_file,
     output_torque,
     plain_joint,
 )
-from flexspline.exporting.plain_joint import comment as xml_comment
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, Part
 from flexspline.own import design_of
@@ -455,22 +455,16 @@ def _mjcf(scene: _Scene) -> str:
     bodies = [_body(scene.motor, 1e-9, scene.armature)]
     if step is not None:
         bodies.append(_body(scene.link, UNKNOWN_INERTIA, 0.0))
-    return "\n".join(
-        [
-            f"<mujoco {attributes([('model', scene.link)])}>",
-            xml_comment(_said(scene), "  "),
-            '  <compiler angle="radian"/>',
-            *([] if step is None else [f"  <option {attributes([('timestep', repr(step))])}/>"]),
-            "  <extension>",
-            *(line for one in scene.instances() for line in _instance(*one)),
-            "  </extension>",
-            "  <worldbody>",
-            *(line for body in bodies for line in body),
-            "  </worldbody>",
-            "</mujoco>",
-            "",
-        ]
-    )
+    inside = [
+        *([] if step is None else [f"  <option {attributes([('timestep', repr(step))])}/>"]),
+        "  <extension>",
+        *(line for one in scene.instances() for line in _instance(*one)),
+        "  </extension>",
+        "  <worldbody>",
+        *(line for body in bodies for line in body),
+        "  </worldbody>",
+    ]
+    return mjcf_file(scene.link, _said(scene), inside)
 
 
 def _instance(plugin: str, name: str, config: list[tuple[str, str]]) -> Iterator[str]:

@@ -33,6 +33,7 @@ from flexspline.plot.canvas import (
     Panel,
     axes_or_new,
     banded,
+    can_be_drawn,
     channel_label,
     colours_of_runs,
     legend,
@@ -132,7 +133,7 @@ def panels(fit: Fit) -> list[Panel]:
     if TEMPERATURE_DRIFT in [effect.name for effect in fit.part.effects]:
         logs = [run.log for run in fit.runs]
         found.append(Panel(partial(drift_curve, fit, logs), LOOK_FOR["drift"]))
-    if _turns(fit):
+    if can_be_drawn(order_spectra, fit):
         found.append(Panel(partial(order_spectra, fit), LOOK_FOR["orders"]))
     return found
 
@@ -143,15 +144,6 @@ def _motion(fit: Fit) -> list[Panel]:
         return []
     shown = ("worst", "median") if len(fit.runs) > 1 else ("worst",)
     return [Panel(partial(simulated_motion, fit, run), LOOK_FOR[run]) for run in shown]
-
-
-def _turns(fit: Fit) -> bool:
-    """Whether the runs turn the joint far enough, with an angle, for orders to be seen."""
-    try:
-        order_spectra(fit)
-    except InputError:
-        return False
-    return True
 
 
 def measured_against_predicted(fit: Fit, ax: Axes | None = None) -> Axes:

@@ -134,7 +134,7 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
 def _common(made: Comparison) -> dict[str, Any]:
     return {
         "sentences": made.sentences,
-        "grave": bool(made.follows),
+        "critical": bool(made.follows),
         "worst": worst_rows(made),
         "followed": followed(made),
         "orders": order_rows(made) if made.orders else [],

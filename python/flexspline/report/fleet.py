@@ -98,7 +98,7 @@ class PageOf:
     over: str
     title: str
     verdict: Sequence[str]
-    grave: bool
+    critical: bool
     sections: Sequence[Section]
     call: str = ""
     back: tuple[str, str] | None = None
@@ -228,14 +228,14 @@ def _write_joint(
     joints: int,
     name: str,
     verdict: Sequence[str],
-    grave: bool,
+    critical: bool,
     sections: Sequence[Section],
     path: Path,
 ) -> None:
     """Write the page of one of so many joints, with a link to that of the fleet."""
     over = f"flexspline {__version__} · one of {joints} joints"
     back = ("../report.html", "The fleet")
-    write_page(PageOf(over, name, verdict, grave, sections, back=back), path)
+    write_page(PageOf(over, name, verdict, critical, sections, back=back), path)
 
 
 NOBODY = "No joint stands out."
