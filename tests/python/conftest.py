@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,18 @@ def mujoco() -> Any:
 def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
     """What compiles and loads the MuJoCo plugin of a model."""
     return loader(mujoco, tmp_path_factory.mktemp("plugins"))
+
+
+@pytest.fixture
+def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """What takes a library away, as if it were not installed."""
+
+    def without(library: str) -> None:
+        for module in [m for m in sys.modules if m.startswith(f"{library}.")]:
+            monkeypatch.setitem(sys.modules, module, None)
+        monkeypatch.setitem(sys.modules, library, None)
+
+    return without
 
 
 @pytest.fixture

@@ -15,10 +15,12 @@ from cli_calls import call
 
 import flexspline
 from flexspline import Fit, InputError, Log, Model, Part
-from flexspline.discovery.by_simulation import Driven, _where
+from flexspline.discovery import by_simulation
+from flexspline.discovery.by_simulation import CHANCE, Driven, Step, _where, p_of_zero
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
 from flexspline.logs.writing import write_log
+from flexspline.output_error.fitting import Errors, Settings
 
 BASE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
 WEIGHT = 0.5  # Nm
@@ -139,3 +141,144 @@ def test_the_motion_gains_most_where_its_mean_square_falls_most() -> None:
     after = cast(Driven, SimpleNamespace(held_out=[0.0 * swings, 0.0 * leans, np.full(4, np.nan)]))
     runs = [SimpleNamespace(log=SimpleNamespace(name=name)) for name in ("swings", "leans", "lost")]
     assert _where(before, after, cast(Fit, SimpleNamespace(runs=runs))) == "most in swings"
+
+
+def fitted(
+    values: dict[str, float], error: float = 1.0, alike: float = 0.0
+) -> tuple[Driven, Errors]:
+    """A fit that ended at `values`, each with one error and with one correlation to the others."""
+    searched = [SimpleNamespace(name=name) for name in values]
+    point, count = np.array([*values.values()]), len(values)
+    made = SimpleNamespace(
+        cost=SimpleNamespace(space=SimpleNamespace(searched=searched)),
+        best=SimpleNamespace(point=point),
+    )
+    each = np.full(count, error)
+    related = np.eye(count) + alike * (1.0 - np.eye(count))
+    known = np.ones(count, dtype=bool)
+    return cast(Driven, made), Errors(each, related, known, each, each, each, 3, 100)
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_one_coefficient_is_significant_where_its_printed_interval_leaves_zero_out(
+    share: float,
+) -> None:
+    _, errors = fitted({"load_dependent_friction.factor": 0.0})
+    value = share * float(errors.half_widths[0])
+    made, errors = fitted({"load_dependent_friction.factor": value, "inertia.inertia": 9.0})
+    assert (p_of_zero(made, effect("load_dependent_friction"), errors) < CHANCE) == (share > 1.0)
+
+
+def test_coefficients_that_are_known_by_their_sum_alone_are_significant_together() -> None:
+    names = ("presliding_friction.half", "presliding_friction.quarter")
+    own = effect("presliding_friction")
+    assert {f"{own.name}.{term.name}" for term in own.terms} >= {*names}
+    apart = p_of_zero(*_pair(names, 0.0))
+    assert p_of_zero(*_pair(names, -0.9)) < 0.05 < apart
+
+
+def _pair(names: tuple[str, ...], alike: float) -> tuple[Driven, flexspline.effects.Effect, Errors]:
+    made, errors = fitted(dict.fromkeys(names, 2.5), alike=alike)
+    return made, effect("presliding_friction"), errors
+
+
+def test_what_the_runs_do_not_determine_is_not_significant() -> None:
+    made, errors = fitted({"load_dependent_friction.factor": 1e6})
+    blind = replace(errors, determined=np.array([False]), standard=np.array([np.nan]))
+    assert p_of_zero(made, effect("load_dependent_friction"), blind) == 1.0
+    assert p_of_zero(made, effect("offset"), errors) == 1.0
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, p: dict[tuple[str, ...], dict[str, float]]) -> None:
+    """A search whose fits are the tuples of the names in them, with p of each name in each fit."""
+
+    def model(names: tuple[str, ...]) -> SimpleNamespace:
+        return SimpleNamespace(effects=tuple(map(effect, names)), names=names)
+
+    def following(way: object, here: SimpleNamespace, effects: list[flexspline.effects.Effect],
+                  say: object) -> tuple[Step | None, dict[str, str]]:  # fmt: skip
+        for one in effects:
+            names = (*here.names, one.name)
+            if names in p:
+                return Step(one, cast(Driven, here), cast(Driven, model(names)), 9.0, 1.0, ()), {}
+        return None, {}
+
+    monkeypatch.setattr(by_simulation, "driven_model", lambda way, effects: model(()))
+    monkeypatch.setattr(by_simulation, "_next", following)
+    monkeypatch.setattr(by_simulation, "errors_within", lambda made: None)
+    monkeypatch.setattr(by_simulation, "p_of_zero", lambda made, one, _: p[made.names][one.name])
+
+
+def names_of(monkeypatch: pytest.MonkeyPatch, p: dict[tuple[str, ...], dict[str, float]],
+             effects: list[str]) -> tuple[list[str], dict[str, str]]:  # fmt: skip
+    scripted(monkeypatch, p)
+    monkeypatch.setattr(by_simulation, "possible", lambda *_: ([*map(effect, effects)], {}))
+    made = by_simulation.search(
+        [], [], "motor_torque", None, {}, (), Settings(None), lambda _: None
+    )
+    return [step.effect.name for step in made.steps], dict(made.refused)
+
+
+def test_a_name_that_a_later_one_takes_its_significance_from_is_withdrawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stribeck, load = "stribeck_friction", "load_dependent_friction"
+    p = {(stribeck,): {stribeck: 0.01}, (stribeck, load): {stribeck: 0.4, load: 0.001},
+         (load,): {load: 0.001}}  # fmt: skip
+    names, refused = names_of(monkeypatch, p, [stribeck, load])
+    assert names == [load]
+    assert refused == {stribeck: f"not significant in the final fit beside {load}, p = 0.4"}
+
+
+def test_names_that_stay_significant_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    stribeck, load = "stribeck_friction", "load_dependent_friction"
+    p = {(stribeck,): {stribeck: 0.01}, (stribeck, load): {stribeck: 0.049, load: 0.001}}
+    assert names_of(monkeypatch, p, [stribeck, load]) == ([stribeck, load], {})
+
+
+def candidate(name: str, error: float, *, p: float, wobble: float = 0.0) -> SimpleNamespace:
+    """A model with one effect more that misses each of eight runs by about `error`."""
+    sizes = np.log(error) + wobble * (-1.0) ** np.arange(8)
+    return SimpleNamespace(name=name, rmse=error, best=SimpleNamespace(rmse=error), p=p,
+                           effects=(), sizes=lambda: sizes)  # fmt: skip
+
+
+def next_of(
+    monkeypatch: pytest.MonkeyPatch, *candidates: SimpleNamespace
+) -> tuple[Step | None, dict[str, str]]:
+    by_name = {one.name: one for one in candidates}
+    monkeypatch.setattr(by_simulation, "_beside", lambda way, here, one: by_name[one.name])
+    monkeypatch.setattr(by_simulation, "_descended", lambda made: made)
+    monkeypatch.setattr(by_simulation, "_held_out", lambda made: made)
+    monkeypatch.setattr(by_simulation, "errors_within", lambda made: None)
+    monkeypatch.setattr(by_simulation, "p_of_zero", lambda made, one, errors: made.p)
+    here = cast(Driven, candidate("base", 0.1, p=0.0, wobble=0.02))
+    way = cast(by_simulation._Way, None)
+    return by_simulation._next(way, here, [*map(effect, by_name)], lambda _: None)
+
+
+def test_an_effect_that_is_not_significant_in_the_final_fit_is_no_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    step, refused = next_of(monkeypatch, candidate("presliding_friction", 0.05, p=0.06))
+    assert step is None
+    assert refused == {"presliding_friction": "not significant in the final fit, p = 0.06"}
+    step, _ = next_of(monkeypatch, candidate("presliding_friction", 0.05, p=0.04))
+    assert step is not None and step.effect.name == "presliding_friction"
+
+
+def test_an_effect_that_explains_as_much_is_an_alias_though_it_is_not_significant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    load = candidate("load_dependent_friction", 0.05, p=0.001)
+    waves = candidate("position_dependent_friction", 0.049, p=0.06, wobble=0.05)
+    step, _ = next_of(monkeypatch, load, waves)
+    assert step is not None and step.effect.name == "load_dependent_friction"
+    assert step.alike == ("position_dependent_friction",)
+
+
+def test_every_name_is_significant_and_shares_of_the_gap_are_of_all_that_closes(
+    found: flexspline.Discovery,
+) -> None:
+    assert all(0.0 <= one.coefficients_p < CHANCE for one in found.found)
+    assert sum(one.share_of_gap for one in found.found) == pytest.approx(1.0)

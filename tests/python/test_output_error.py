@@ -17,7 +17,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.output_error.cost import Searched, Space
-from flexspline.output_error.fitting import with_servo_torque
+from flexspline.output_error.fitting import cost_of, settings_of, with_servo_torque
 from flexspline.plot import simulated_motion
 
 FREE = ("torque", "back_emf")
@@ -230,3 +230,21 @@ def test_a_number_away_from_its_limits_is_fitted_and_memory_lowers_what_it_is_kn
     assert level.state == "fitted" and level.determined
     rows = sum(len(log) for log in runs())
     assert 1.0 < level.effective_samples < rows
+
+
+def test_slopes_of_a_servo_are_those_of_an_exact_encoder_and_errors_those_of_its_counts() -> None:
+    servo, logs = law(), list(runs(2))
+    settings = settings_of(servo, MotionOptions())
+    driven = [with_servo_torque(log, servo, "motor_torque") for log in logs]
+    regression = flexspline.fit(EFFECTS, driven, "motor_torque", fixed=KNOWN)
+    cost = cost_of(regression, driven, settings, {}, int, 1)
+    exact = replace(
+        cost, runs=[replace(run, servo=replace(servo.for_log(log), encoder_step=0.0))
+                    for run, log in zip(cost.runs, logs, strict=True)]
+    )  # fmt: skip
+    at = cost.space.start
+    for central in (False, True):
+        assert np.array_equal(
+            cost.jacobian(at, central=central), exact.jacobian(at, central=central)
+        )
+    assert not np.array_equal(cost.residuals(at), exact.residuals(at))

@@ -15,6 +15,15 @@ with Student's t of n − 1 degrees of freedom and one chance in twenty shared a
 Rows of one run are not independent, so runs (blocks, of fewer than four) are the units. Of the
 candidates within two standard errors of d from the one with the lowest held-out error, the one with
 the fewest terms is chosen, and the others are reported. Then the search goes on from there.
+
+A name has to be significant in the final fit, too, or it is withdrawn: k coefficients β with the
+covariance C that the fit reports, ν degrees of freedom (`output_error/fitting.py`),
+
+    F = βᵀ C⁻¹ β / k,     p = P(F_{k,ν} > F) < 0.05
+
+For one coefficient this says that its printed interval does not reach zero. A bound, or what the
+runs do not determine, tells nothing from zero. Where a name takes its significance from an earlier
+one, the earlier one is withdrawn and the search goes on from before it.
 """
 
 from __future__ import annotations
@@ -24,6 +33,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from flexspline.comparison.result import Comparison
@@ -34,6 +44,7 @@ from flexspline.discovery.candidates import possible
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import (
     BY_ENCODER,
+    NOT_SIGNIFICANT,
     Discovery,
     Found,
     Motion,
@@ -45,14 +56,15 @@ from flexspline.effects import Effect
 from flexspline.effects.causes import TORQUE_SCALE
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit
-from flexspline.least_squares.options import FitOptions
-from flexspline.least_squares.result import Fit
+from flexspline.least_squares.options import FitOptions, coefficient_names
+from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.output_error.cost import Cost, Descent, Folds, best_of, descend, folds_of
+from flexspline.output_error.cost import UNSEEN, Cost, Descent, Folds, best_of, descend, folds_of
 from flexspline.output_error.fitting import (
     EVALUATIONS,
+    Errors,
     Settings,
     assembled,
     cost_of,
@@ -80,15 +92,16 @@ Array = NDArray[np.float64]
 Say = Callable[[str], object]
 
 CHANCE = 0.05
-"""That noise alone makes one name, shared among all candidates (Bonferroni)."""
+"""That noise alone makes one name, shared among all candidates (Bonferroni); and that coefficients
+which are zero look significant, as of all printed intervals."""
 SAME = 2.0
 """Standard errors over runs up to which two candidates are indistinguishable."""
 FINALISTS = 3
 """Candidates that are fitted without each fold, too: of the others the fit to all rows says enough.
 Half of it may miss one that holds better than it fits; twice it doubles the time."""
 SCREENED = 8
-"""Evaluations of a candidate's descents before the finalists are chosen, and of those without a
-fold, which begin at the optimum of all."""
+"""Evaluations of a candidate's descents before the finalists are chosen."""
+SINGULAR, EXACT, TINY = 1e-10, 1e-12, 1e-300  # of correlations; of a value; of all
 MOST = 3
 """Names; of the rows that twelve runs of motion give, a fourth was never told."""
 
@@ -123,7 +136,7 @@ def discover_by_simulation(
     made = search(effects, logs, target, known_load, fixed, exclude, settings, say)
     say("errors")
     final = made.final
-    errors = errors_of(final.cost, final.best.point, [one.point for one in final.without])
+    errors = errors_within(final)
     fit = assembled(
         final.regression, final.cost, final.found, final.folds, final.without, errors,
         settings.controller, logs, into,
@@ -135,7 +148,7 @@ def discover_by_simulation(
         target=target,
         unit="rad",
         base_effects=tuple(effect.name for effect in effects),
-        found=tuple(_found(step, fit, units) for step in made.steps),
+        found=tuple(_found(made, step, errors, fit, units) for step in made.steps),
         base_rmse=made.base.rmse,
         final_rmse=final.rmse,
         floor=NoiseFloor(floor, float("nan"), BY_ENCODER),
@@ -165,8 +178,9 @@ def _held(made: Missing, logs: Sequence[Log]) -> tuple[HeldRun, ...]:
     return tuple(found)
 
 
-def _found(step: Step, fit: Fit, units: str) -> Found:
+def _found(made: Missing, step: Step, errors: Errors, fit: Fit, units: str) -> Found:
     """One name with its evidence."""
+    gap = made.base.rmse**2 - made.final.rmse**2
     before, after = step.before.rmse, step.after.rmse
     lower = int(np.count_nonzero(step.after.sizes() < step.before.sizes()))
     evidence = (
@@ -184,6 +198,8 @@ def _found(step: Step, fit: Fit, units: str) -> Found:
         evidence=evidence,
         t=step.t,
         rivals=(),
+        coefficients_p=p_of_zero(made.final, step.effect, errors),
+        share_of_gap=(before**2 - after**2) / gap,
     )
 
 
@@ -296,12 +312,24 @@ class _Way:
     fixed: Mapping[str, float]
     settings: Settings
 
-    def posed(self, effects: Sequence[Effect], steps: int | None = None) -> tuple[Fit, Cost, Folds]:
-        """The regression, the miss around it, and the folds; `steps` from row to row."""
+    def posed(
+        self,
+        effects: Sequence[Effect],
+        steps: int | None = None,
+        held: Mapping[str, Parameter] | None = None,
+    ) -> tuple[Fit, Cost, Folds]:
+        """The regression, the miss around it, and the folds.
+
+        `steps`: from row to row. `held`: what the motion does not see, as another fit found it.
+        """
+        held = held or {}
+        fixed = {**self.fixed, **{name: p.value for name, p in held.items()}}
         regression = fit(
-            effects, self.logs, self.target, known_load=self.known_load, fixed=self.fixed,
+            effects, self.logs, self.target, known_load=self.known_load, fixed=fixed,
             checks=False, options=FitOptions(threads=self.settings.options.threads),
         )  # fmt: skip
+        told = tuple(held.get(p.name, p) for p in regression.parameters)
+        regression = replace(regression, parameters=told)
         cost = cost_of(regression, self.logs, self.settings, {}, lambda: None, steps)
         return regression, cost, folds_of(cost.counts, self.settings.options.folds)
 
@@ -337,15 +365,29 @@ def search(
             reasons[effect.name] = f"{why} cannot be searched by simulation; put it in the base"
     steps: list[Step] = []
     refused: dict[str, str] = {}
-    here = first
-    while effects and len(steps) < MOST:
-        step, refused = _next(way, here, effects, say)
+    withdrawn: dict[str, str] = {}
+    while len(steps) < MOST:
+        here = steps[-1].after if steps else first
+        gone = {effect.name for effect in here.effects} | withdrawn.keys()
+        step, refused = _next(way, here, [e for e in effects if e.name not in gone], say)
         if step is None:
             break
         steps.append(step)
-        here = step.after
-        effects = [e for e in effects if e.name != step.effect.name]
-    return Missing(first, tuple(steps), reasons, refused)
+        lost, p = _lost(steps)
+        if p >= CHANCE:
+            name = steps[lost].effect.name
+            withdrawn[name] = f"{NOT_SIGNIFICANT} beside {step.effect.name}, p = {p:.2g}"
+            steps = steps[:lost]
+    return Missing(first, tuple(steps), reasons, {**refused, **withdrawn})
+
+
+def _lost(steps: Sequence[Step]) -> tuple[int, float]:
+    """The least significant name in the last fit: its number, and p."""
+    last = steps[-1].after
+    errors = errors_within(last)
+    every = [p_of_zero(last, step.effect, errors) for step in steps]
+    worst = int(np.argmax(every))
+    return worst, every[worst]
 
 
 def driven_model(way: _Way, effects: Sequence[Effect]) -> Driven:
@@ -361,6 +403,24 @@ def told(before: Driven, after: Driven) -> float:
     gain = before.sizes() - after.sizes()
     spread = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
     return float(np.mean(gain)) / max(spread, 1e-12)
+
+
+def errors_within(made: Driven) -> Errors:
+    """Return the errors of a fit and of its refits without each fold."""
+    return errors_of(made.cost, made.best.point, [one.point for one in made.without])
+
+
+def p_of_zero(made: Driven, effect: Effect, errors: Errors) -> float:
+    """Return p of the F test that all coefficients of an effect are zero; 1 where none is known."""
+    own = coefficient_names([effect])
+    searched = enumerate(made.cost.space.searched)
+    at = [k for k, one in searched if one.name in own and errors.determined[k]]
+    if not at:
+        return 1.0
+    values = made.best.point[at]
+    scaled = values / np.maximum(errors.standard[at], EXACT * np.abs(values) + TINY)
+    told = np.linalg.lstsq(errors.correlation[np.ix_(at, at)], scaled, rcond=SINGULAR)[0]
+    return float(fisher.sf(scaled @ told / len(at), len(at), errors.degrees))
 
 
 def _next(
@@ -392,11 +452,19 @@ def _next(
                 f"does not hold on held-out runs: {here.rmse:.4g} to {made.rmse:.4g} rad, "
                 f"t = {t:.1f}"
             )
-    if not sure:
+    significant = []
+    for effect, made, t in sure:
+        p = p_of_zero(made, effect, errors_within(made))
+        if p < CHANCE:
+            significant.append((effect, made, t))
+        else:
+            refused[effect.name] = f"{NOT_SIGNIFICANT}, p = {p:.2g}"
+    if not significant:
         return None, refused
-    lowest = min(sure, key=lambda one: one[1].rmse)[1]
+    lowest = min(significant, key=lambda one: one[1].rmse)[1]
     same = [one for one in sure if told(one[1], lowest) < SAME]
-    effect, best, t = min(same, key=lambda one: (len(one[0].terms), one[1].rmse))
+    ours = (one for one in same if one in significant)
+    effect, best, t = min(ours, key=lambda one: (len(one[0].terms), one[1].rmse))
     alike = tuple(e.name for e, _, _ in same if e != effect)
     others = [made for e, made in finalists if e != effect and e.name not in alike]
     weight = _weight(best, [best, here, *others])
@@ -405,7 +473,8 @@ def _next(
 
 def _beside(way: _Way, here: Driven, effect: Effect) -> Driven:
     """A model with one effect more, from the optimum without it and from the regression."""
-    regression, cost, folds = way.posed([*here.effects, effect], here.cost.steps)
+    held = {p.name: p for p in here.regression.parameters if p.name == UNSEEN}
+    regression, cost, folds = way.posed([*here.effects, effect], here.cost.steps, held)
     known = here.values()
     warm = cost.space.start.copy()
     for k, one in enumerate(cost.space.searched):
@@ -413,8 +482,19 @@ def _beside(way: _Way, here: Driven, effect: Effect) -> Driven:
             warm[k] = one.coordinate(min(max(known[one.name], one.lower), one.upper))
         elif one.kind == "coefficient" and not one.logarithmic:
             warm[k] = min(max(0.0, one.lower), one.upper) / one.scale
-    found = tuple(descend(cost, start, SCREENED) for start in (warm, cost.space.start))
+    starts = [warm, *([cost.space.start] if _moves(cost) else [])]
+    found = tuple(descend(cost, start, SCREENED) for start in starts)
     return Driven((*here.effects, effect), regression, cost, found, folds)
+
+
+def _moves(cost: Cost) -> bool:
+    """Whether the regression says more of the motion than a joint that stands still would."""
+    moved = [
+        (run.measured - run.measured[first])[first:last][count[first:last]]
+        for run, count in zip(cost.runs, cost.counts, strict=True)
+        for first, last in run.stretches.tolist()
+    ]
+    return cost.rmse(cost.space.start) < float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
 
 
 def _descended(made: Driven) -> Driven:
@@ -424,7 +504,7 @@ def _descended(made: Driven) -> Driven:
 
 def _held_out(made: Driven) -> Driven:
     kept = (made.cost.only(made.folds.kept(made.cost.counts, k)) for k in range(len(made.folds)))
-    without = tuple(descend(cost, made.best.point, SCREENED) for cost in kept)
+    without = tuple(descend(cost, made.best.point, EVALUATIONS) for cost in kept)
     rows = [np.full(len(count), np.nan) for count in made.cost.counts]
     for one, out in zip(without, made.folds.left_out, strict=True):
         missed = made.cost.by_run(one.point)

@@ -32,7 +32,7 @@ from flexspline.discovery.faults import (
     with_measured_ratio,
     with_unwrapped_angles,
 )
-from flexspline.discovery.physics import spring_bounds
+from flexspline.discovery.physics import held_powers, spring_bounds
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
@@ -413,7 +413,8 @@ class _Recorded:
 
         def posed(work: Working) -> Posed:
             problem, base = self.problem(work.effects), work.effects[: work.base]
-            held = {**unseen_of(work.named, problem), **task.fixed, **held_of(base, free, problem)}
+            hidden = {**unseen_of(work.named, problem), **held_powers(work)}
+            held = {**hidden, **task.fixed, **held_of(base, free, problem)}
             springs = spring_bounds(work, task.target)
             allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
             return problem, work.effects, held, allowed

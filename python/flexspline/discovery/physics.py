@@ -32,8 +32,8 @@ from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import TINY
 
-__all__ = ["LOOPS", "WIDTH", "driving_spring", "fastest_of", "impossible", "level_of", "one_signed",
-           "spring_bounds"]  # fmt: skip
+__all__ = ["LOOPS", "WIDTH", "driving_spring", "falling_power", "fastest_of", "held_powers",
+           "impossible", "level_of", "one_signed", "spring_bounds"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -156,6 +156,26 @@ def driving_spring(work: Working, target: str) -> str:
             against |= {names[k]: -side * float(values[k]) for k in free}
     worst = max(against, key=lambda name: against[name], default="")
     return worst if worst and against[worst] > 0.0 else ""
+
+
+def falling_power(work: Working, problem: Problem) -> str:
+    """Return the power of the speed that makes friction fall from rest, "" where it does not fall.
+
+    Of two powers whose coefficients runs hardly tell apart, one may be below zero by chance. The
+    last free one stays, whatever its sign.
+    """
+    names, values = _terms(work, POLYNOMIAL_FRICTION), work.values(POLYNOMIAL_FRICTION)
+    free = [k for k, name in enumerate(names) if name not in work.fixed]
+    if len(free) < 2 or not _falls(work, problem):
+        return ""
+    along = np.sign(level_of(work, COULOMB)) * values
+    worst = min(free, key=lambda k: float(along[k]))
+    return names[worst] if along[worst] < 0.0 else ""
+
+
+def held_powers(work: Working) -> dict[str, float]:
+    """Return the powers of the speed that a search holds, by name, as a fit has to."""
+    return {n: work.fixed[n] for n in _terms(work, POLYNOMIAL_FRICTION) if n in work.fixed}
 
 
 def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:

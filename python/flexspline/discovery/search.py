@@ -42,7 +42,13 @@ from flexspline.discovery.evidence import (
     price,
     price_of,
 )
-from flexspline.discovery.physics import LOOPS, driving_spring, impossible, level_of
+from flexspline.discovery.physics import (
+    LOOPS,
+    driving_spring,
+    falling_power,
+    impossible,
+    level_of,
+)
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
@@ -257,13 +263,16 @@ class Searcher:
         return work, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model, its springs of one sign, and what runs do not show (`unseen`) at zero."""
+        """Refit a model, its springs of one sign, and what runs do not show (`unseen`) at zero.
+
+        Nor does a power of the speed make friction fall from rest, where another power is left.
+        """
         problem, target = self.study.problem, self.study.target
         if (hidden := unseen_of(work.named, problem)).keys() - work.fixed.keys():
             work = replace(work, fixed={**hidden, **work.fixed}).having(work.effects)
         work, squares = refitted(problem, work, self.whitening)
-        while spring := driving_spring(work, target):
-            work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
+        while against := driving_spring(work, target) or falling_power(work, problem):
+            work, squares = refitted(problem, work.holding(against, 0.0), self.whitening)
         return work, squares
 
     def _off_bounds(self, work: Working, squares: float) -> tuple[Working, float]:

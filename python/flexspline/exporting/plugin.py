@@ -25,7 +25,13 @@ from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.effects.causes import GRAVITY, LAG
 from flexspline.errors import InputError, listed
-from flexspline.exporting.coupling import TORSION, Coupling, coupling_of, read_temperatures
+from flexspline.exporting.coupling import (
+    TORSION,
+    Coupling,
+    coupling_of,
+    read_temperatures,
+    without_log,
+)
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
 from flexspline.exporting.header import by_motor_encoder, header_text, own_headers
 from flexspline.exporting.plain_joint import (
@@ -146,22 +152,12 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         )
     reads = {channel for effect in effects for channel in effect.reads}
     _require_channels(model, whole, reads)
-    first, kept, weight = 0, [], 0.0
-    for effect in whole.effects:
-        last = first + len(effect.terms)
-        if effect.name not in left:
-            kept.append(whole.coefficients[first:last])
-        if effect.name == GRAVITY:
-            weight = float(np.hypot(*whole.coefficients[first:last]))
-        first = last
+    gravity = whole.coefficients_of(GRAVITY)
+    weight = float(np.hypot(*gravity)) if len(gravity) else 0.0
     ranges = whole.record.get("validity", {})
-    here = ("channels", "prepared")  # of the log: an encoder, a filter
-    part = replace(
-        whole,
-        effects=effects,
-        coefficients=np.concatenate(kept),
+    part = without_log(
+        whole.keeping(lambda e: e.name not in left),
         known_load=(whole.known_load or "reference_torque") if "load" in reads else None,
-        record={key: value for key, value in whole.record.items() if key not in here},
     )
     temperatures = read_temperatures(ranges)
     return Plugin(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from flexspline.effects import UNITS
 from flexspline.errors import InputError
 from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.options import Bounds
@@ -49,6 +49,7 @@ __all__ = [
     "SimulationFit",
     "StartEnd",
     "contributions",
+    "parameters_frame",
     "shares",
 ]
 
@@ -150,6 +151,26 @@ class Parameter:
         return {key: value for key, value in asdict(self).items() if key not in _NOT_KEPT}
 
 
+def parameters_frame(parameters: Iterable[Parameter]) -> pandas.DataFrame:
+    """Return parameters as a table by their names; NaN for what is not determined."""
+    import pandas
+
+    rows = {
+        p.name: {
+            "value": p.value if p.determined else np.nan,
+            "standard_error": p.stderr,
+            "unit": p.unit,
+            "lower": p.interval[0] if p.determined else np.nan,
+            "upper": p.interval[1] if p.determined else np.nan,
+            "state": p.state,
+            "determined": p.determined,
+            "naive_error": p.naive_error,
+        }
+        for p in parameters
+    }
+    return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
+
+
 @dataclass(frozen=True)
 class FittedRun:
     """One run with its target and residuals, arrays (N,) in the unit of the target.
@@ -183,7 +204,7 @@ class Delay:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Rendered):
     """The result of `fit`: prints as a verdict, one line for each term.
 
     Parameters
@@ -212,6 +233,8 @@ class Fit:
     between_runs : of each term that runs have of their own (`FitOptions.per_run`): its values, mean
         and spread between the runs, and whether they differ. The model predicts with the mean.
     """
+
+    _kind: ClassVar = "fit"
 
     model: Model
     target: str
@@ -395,23 +418,7 @@ class Fit:
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table."""
-        import pandas
-
-        rows = {
-            p.name: {
-                "value": p.value if p.determined else np.nan,
-                "standard_error": p.standard_error if p.determined else np.nan,
-                "unit": p.unit,
-                "lower": p.interval[0] if p.determined else np.nan,
-                "upper": p.interval[1] if p.determined else np.nan,
-                "state": p.state,
-                "determined": p.determined,
-                "naive_error": p.naive_error,
-            }
-            for p in self.parameters
-        }
-        frame = pandas.DataFrame(list(rows.values()), index=list(rows))
-        return frame.rename_axis("parameter")
+        return parameters_frame(self.parameters)
 
     def covariance_frame(self) -> pandas.DataFrame:
         """Return the covariance of the parameters, rows and columns by name, in their units.
@@ -454,25 +461,15 @@ class Fit:
 
         return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
 
-    def __str__(self) -> str:
-        return render("fit", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<Fit of {self.target}: {len(self.parameters)} parameters, RMSE {self.rmse:.4g} "
             f"{self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("fit", "html", self)
-
     def plot(self) -> Any:
         """Return a figure: measured against predicted, residuals, components, orders."""
         return render("fit", "figure", self)
-
-    def report(self, path: Any) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("fit", "report", self, path)
 
 
 def contributions(fit: Fit, run: FittedRun) -> dict[str, Array]:
