@@ -37,7 +37,7 @@ from flexspline.regression.candidate_model import (
     started,
     working,
 )
-from flexspline.regression.gram import TINY, Sheet, Whitening, left_of, rows_of, solved, tabulated
+from flexspline.regression.gram import TINY, Whitening, left_of, rows_of, solved, tabulated
 
 __all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
            "rivals_of"]  # fmt: skip
@@ -316,7 +316,10 @@ def first_look(
     say("looking for orders")
     part.scan(base)
     say("noise")
-    return FirstLook(study, part, base, first_whitening(part.problem, _everything(part, base)))
+    every = [e for c in part.candidates(base.effects) for e in c.effects]
+    flexible = Functions(tuple(flexible_basis(part.problem, pairs=False)))
+    sheet = base.sheet(beside=list(dict.fromkeys(every)), given=flexible)
+    return FirstLook(study, part, base, first_whitening(part.problem, sheet))
 
 
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
@@ -370,13 +373,6 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected), ceiling
     )
-
-
-def _everything(study: Study, work: Working) -> Sheet:
-    """Columns of the model, all candidates and functions of each channel."""
-    wanted = [e for c in study.candidates(work.effects) for e in c.effects]
-    flexible = Functions(tuple(flexible_basis(study.problem, pairs=False)))
-    return work.sheet(beside=list(dict.fromkeys(wanted)), given=flexible)
 
 
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:

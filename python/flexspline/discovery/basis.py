@@ -100,24 +100,17 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
 
 
 def _past(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what channels of a run were some time ago, (N, lags) each."""
-    longest = problem.once("longest run", lambda: _longest(problem))
-    if longest is None:
+    """What channels of a run were some time ago, (N, lags) each; nothing of very long runs."""
+    if max(len(run) for run in problem.runs) > MOST_ROWS:
         return {}
 
     def made() -> dict[str, Array]:
+        longest = max(float(np.ptp(run.log["time"])) for run in problem.runs)
         log = problem.runs[number].log
         values = {name: log[name] for name in _channels(problem)}
         return past_of(log["time"], values, [*LAGGED, problem.known_load or ""], longest)
 
     return problem.once(("lags", number), made)
-
-
-def _longest(problem: Problem) -> float | None:
-    """How long the longest run lasts, s; None where its past is not looked at."""
-    if max(len(run) for run in problem.runs) > MOST_ROWS:
-        return None
-    return max(float(np.ptp(run.log["time"])) for run in problem.runs)
 
 
 def _rate(load: Array, time: Array, rows: slice) -> Array:
