@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recorded_joint import LOAD, RATIO, base, exact, recorded, runs
+from recorded_joint import LOAD, RATE, RATIO, base, exact, recorded, runs
 
 import flexspline
 from flexspline.effects import effect
@@ -100,7 +100,8 @@ def test_an_exact_recorded_velocity_stays_beside_a_noisy_position() -> None:
 def test_a_recorded_velocity_that_is_late_is_derived_from_an_exact_position(late: int) -> None:
     """As drives filter it: ten milliseconds are a hundred times the error of a derivative."""
     log = with_noise(exact_log(), output_position=1e-7, output_velocity=1e-7)
-    log = log.with_columns({VELOCITY: np.roll(log[VELOCITY], late)}, note="filtered")
+    stayed = np.interp(log["time"] - late / RATE, log["time"], log[VELOCITY])
+    log = log.with_columns({VELOCITY: stayed}, note="filtered")
     noise, ways = learned([log], "sensor_torque", LOAD)
     assert not noise[POSITION].noisy and not noise[VELOCITY].noisy
     assert [way.source for way in ways if way.channel == VELOCITY] == ([POSITION] if late else [])
