@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.confirmation import Confirmed, together, wald
+from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import (
@@ -32,6 +32,7 @@ from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs

@@ -80,7 +80,7 @@ Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
@@ -91,15 +91,11 @@ class Study:
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
-    orders: Orders = field(default=())
+    orders: Orders = ()
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
-    last: tuple[Working, Whitening, Dictionary] | None = field(
-        default=None, repr=False, compare=False
-    )
-    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    last: tuple[Working, Whitening, Dictionary] | None = None
+    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(default_factory=dict)
 
     @property
     def target(self) -> str:
@@ -118,10 +114,8 @@ class Study:
         orders, made = self.known.get(tuple(model), (None, []))
         if orders is not self.orders:
             facts = self.problem.runs[0].log.facts
-            names = [e.name for e in self.possible]
-            pools = order_pools(
-                names, facts, self.orders, model, self.target, span_of(self.problem)
-            )
+            names, span = [e.name for e in self.possible], span_of(self.problem)
+            pools = order_pools(names, facts, self.orders, model, self.target, span)
             made = candidates_for(model, self.possible, self.problem, pools)
             self.known[tuple(model)] = self.orders, made
         return made
