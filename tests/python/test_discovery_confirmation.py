@@ -19,11 +19,12 @@ import flexspline
 from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
-from flexspline.discovery.result import FORMED, LESSER, UNLIKELY, Discovery
+from flexspline.discovery.result import FORMED, LESSER, UNLIKELY, UNSETTLED, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
 from flexspline.effects.causes import LAG
+from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
@@ -207,6 +208,7 @@ def confirmed(
     sure: Mapping[str, float] | None = None,
     told: Callable[[Any], list[float]] | None = None,
     beside: float = 0.5,
+    unsettled: Sequence[str] = (),
     **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
@@ -214,6 +216,7 @@ def confirmed(
     `chance`: which of that lowers the held-out error by no more than chance. `steps`: held-out
     errors of the base and with one name more each, by the search; `told`: by fits, if others.
     `sure`: confidence in names; 1 in others. `beside`: held-out error of a small one beside all.
+    `unsettled`: names with which no fit settles.
     """
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
@@ -221,6 +224,8 @@ def confirmed(
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
 
     def fit(final: Any) -> Any:
+        if any(effect.name in unsettled for effect in final.named):
+            raise UnsettledError("the load does not settle")
         return SimpleNamespace(generalised=False, confounded=())
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
@@ -372,6 +377,25 @@ def test_a_name_that_raises_the_error_of_fits_is_none(monkeypatch: pytest.Monkey
     held, refused = confirmed(monkeypatch, each, told=told)
     assert [*held.shown] == ["viscous_friction"] and held.steps.rmse == [2.0, 1.0]
     assert refused == {"gravity": "does not lower the held-out error"}
+
+
+@pytest.mark.parametrize(
+    ("raising", "left"),
+    [("load_dependent_friction", ["gravity", "viscous_friction"]), ("viscous_friction", None)],
+)
+def test_a_name_whose_load_does_not_settle_is_withdrawn(
+    monkeypatch: pytest.MonkeyPatch, raising: str, left: list[str] | None
+) -> None:
+    """Where no name reads the load, it is the base's, and the user's to mend."""
+    each: dict[str, dict[str, float]] = {"gravity": {}, raising: {}}
+    each = each if left is None else {**each, "viscous_friction": {}}
+    unsettled = [raising]
+    if left is None:
+        with pytest.raises(UnsettledError, match="does not settle"):
+            confirmed(monkeypatch, each, unsettled=unsettled)
+        return
+    held, refused = confirmed(monkeypatch, each, unsettled=unsettled)
+    assert [*held.shown] == left and refused == {raising: UNSETTLED}
 
 
 def test_names_that_lower_it_together_stay_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,7 @@ from flexspline.discovery.result import (
     NOT_LOWER,
     NOT_SIGNIFICANT,
     UNLIKELY,
+    UNSETTLED,
     UNTOLD,
     confidence,
     doubt,
@@ -46,6 +47,7 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of, share_missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
+from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.checks.dependence import Dependence
@@ -164,7 +166,7 @@ def confirmed(
     small: list[Shown] = []
     made = _in_order(_settled(made, base))
     while True:
-        fit = fitted(made.final)
+        made, fit = _fitted(made, fitted)
         if fit.generalised != made.generalised:
             before, made = made, _in_order(replace(made, generalised=fit.generalised))
             fit = fit if made.final is before.final else fitted(made.final)
@@ -190,6 +192,22 @@ def confirmed(
         elif why:
             made.searcher.refused[name] = why
         made = made.without(name)
+
+
+def _fitted(made: Analysis, fitted: Callable[[Working], Fit]) -> tuple[Analysis, Fit]:
+    """The fit, without names that read a load of the model which does not settle beside them.
+
+    The search takes a few rounds from the load of the model before.
+    """
+    while True:
+        try:
+            return made, fitted(made.final)
+        except UnsettledError:
+            reading = [effect.name for effect in made.final.named if "load" in effect.reads]
+            if not reading:
+                raise
+            made.searcher.refused[reading[-1]] = UNSETTLED
+            made = made.without(reading[-1])
 
 
 def _weakest(

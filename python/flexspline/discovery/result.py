@@ -100,6 +100,7 @@ NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower
 UNLIKELY = "other effects, or what no name explains, are four times as likely"
 UNTOLD = "these runs do not tell its coefficients from those of another name"
 FORMED = "no more in the final fit than what the form of another name may miss"
+UNSETTLED = "the load that it reads, which the model makes, does not settle beside it"
 LESSER = "more of the gap stays unexplained than names explain"
 """Why a name is withdrawn that the search had found."""
 
