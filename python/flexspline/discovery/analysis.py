@@ -37,7 +37,7 @@ from flexspline.regression.candidate_model import (
     started,
     working,
 )
-from flexspline.regression.gram import TINY, Sheet, Whitening, left_of, rows_of, solved, tabulated
+from flexspline.regression.gram import TINY, Whitening, left_of, rows_of, solved, tabulated
 
 __all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
            "rivals_of"]  # fmt: skip
@@ -316,7 +316,10 @@ def first_look(
     say("looking for orders")
     part.scan(base)
     say("noise")
-    return FirstLook(study, part, base, first_whitening(part.problem, _everything(part, base)))
+    every = [e for c in part.candidates(base.effects) for e in c.effects]
+    flexible = Functions(tuple(flexible_basis(part.problem, pairs=False)))
+    sheet = base.sheet(beside=list(dict.fromkeys(every)), given=flexible)
+    return FirstLook(study, part, base, first_whitening(part.problem, sheet))
 
 
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
@@ -372,13 +375,6 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     )
 
 
-def _everything(study: Study, work: Working) -> Sheet:
-    """Columns of the model, all candidates and functions of each channel."""
-    wanted = [e for c in study.candidates(work.effects) for e in c.effects]
-    flexible = Functions(tuple(flexible_basis(study.problem, pairs=False)))
-    return work.sheet(beside=list(dict.fromkeys(wanted)), given=flexible)
-
-
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
@@ -414,24 +410,28 @@ def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
 
 
+def carried_load(problem: Problem, work: Working) -> list[Array]:
+    """Return the load that the model's effects carry, (N,) of each run; [] where one is known."""
+    own = [e.name for e in work.effects if e.info.carries_load and problem.known_load is None]
+    parts = [contribution(problem, work, name) for name in own]
+    return [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
+
+
 def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     """Channels that are nearly a function of each other; the load that is known, or the model's."""
-    own = [e.name for e in work.effects if e.info.carries_load]
-    carried = [contribution(problem, work, name) for name in own]
-    name = problem.known_load or "the load of the model"
-    seen = []
+    carried, seen = carried_load(problem, work), []
     for number, run in enumerate(problem.runs):
         channels = {c: run.log[c] for c in READ if c in run.log}
         channels["time"] = channels["time"] - channels["time"][0]
         if "known_load" in run.channels:
             channels["load"] = run.channels["known_load"]
-        elif own and problem.known_load is None:
-            channels["load"] = np.sum([part[number] for part in carried], axis=0)
+        elif carried:
+            channels["load"] = carried[number]
         rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
         seen.append({c: values[rows] for c, values in channels.items()})
-    found = dependences(seen, {"load": name})
+    known = problem.known_load
+    found = dependences(seen, {"load": known or "the load of the model"})
     trivial = ("load", "output_acceleration")  # what an inertia of the model carries
-    known = problem.known_load is not None
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 

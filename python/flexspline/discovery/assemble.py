@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, contribution
+from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.confirmation import Confirmed, together, wald
+from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import (
@@ -32,6 +32,7 @@ from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
@@ -179,11 +180,9 @@ def assembled(
 def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:
     """What both models predict of folds that they never saw, and the load if it is known in Nm."""
     problem, final = made.study.problem, made.final
-    own = [e.name for e in final.effects if e.info.carries_load]
-    loads: list[Array | None] = [run.channels.get("known_load") for run in problem.runs]
-    if problem.known_load is None and own and UNITS[problem.target] == "Nm":
-        parts = [contribution(problem, final, name) for name in own]
-        loads = [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
+    loads: Sequence[Array | None] = [run.channels.get("known_load") for run in problem.runs]
+    if UNITS[problem.target] == "Nm":
+        loads = carried_load(problem, final) or loads
     return tuple(
         HeldRun(run.log, run.target, run.target - base, run.target - last, load)
         for run, base, last, load in zip(problem.runs, before, after, loads, strict=True)

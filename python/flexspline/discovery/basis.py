@@ -31,8 +31,9 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
-__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "BasisFunctions", "Functions", "channel_told",
-           "flexible_basis", "past_of", "places_of", "turning_over", "values_of"]  # fmt: skip
+__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "BasisFunctions", "Functions", "bent_forms",
+           "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
+           "values_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -99,24 +100,17 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
 
 
 def _past(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what channels of a run were some time ago, (N, lags) each."""
-    longest = problem.once("longest run", lambda: _longest(problem))
-    if longest is None:
+    """What channels of a run were some time ago, (N, lags) each; nothing of very long runs."""
+    if max(len(run) for run in problem.runs) > MOST_ROWS:
         return {}
 
     def made() -> dict[str, Array]:
+        longest = max(float(np.ptp(run.log["time"])) for run in problem.runs)
         log = problem.runs[number].log
         values = {name: log[name] for name in _channels(problem)}
         return past_of(log["time"], values, [*LAGGED, problem.known_load or ""], longest)
 
     return problem.once(("lags", number), made)
-
-
-def _longest(problem: Problem) -> float | None:
-    """How long the longest run lasts, s; None where its past is not looked at."""
-    if max(len(run) for run in problem.runs) > MOST_ROWS:
-        return None
-    return max(float(np.ptp(run.log["time"])) for run in problem.runs)
 
 
 def _rate(load: Array, time: Array, rows: slice) -> Array:
@@ -286,6 +280,21 @@ def _waves(sample: Values, name: str) -> BasisFunctions:
     )
 
 
+def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
+    """Other forms of some effects; None of one that remembers, or whose load is the model's own."""
+    sample, count = _sample(problem), SETTINGS.functions
+    made = []
+    for effect in effects:
+        if effect.info.remembers or ("load" in effect.reads and problem.known_load is None):
+            return None
+        turning = any(not pair.startswith("output") for _, pair in effect.harmonics)
+        slow = ["output_position", *(["output_velocity"] if turning else [])]
+        named = slow if effect.ripple else effect.reads
+        own = [problem.known_load if name == "load" else name for name in named]
+        made.append(tuple(_hats_of(sample, name, count) for name in own if name in sample))
+    return Bent(tuple(effects), tuple(made))
+
+
 def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | None:
     """Another way in which sliding friction takes its level: algebraic where the effect's is tanh.
 
@@ -397,3 +406,30 @@ class Functions:
         if self.column is not None:
             made[:, done] = self.column[number][rows]
         return made
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """Columns of effects, each times every smooth function of a channel that the effect reads.
+
+    `hats`: functions of each such channel, and how many they are, by effect.
+    """
+
+    effects: tuple[Effect, ...]
+    hats: tuple[tuple[tuple[Basis, int], ...], ...]
+
+    @property
+    def count(self) -> int:
+        both = zip(self.effects, self.hats, strict=True)
+        return sum(len(effect.terms) * sum(n for _, n in own) for effect, own in both)
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        size, made = rows.stop - rows.start, []
+        channels = {name: v[rows] for name, v in problem.runs[number].channels.items()}
+        values = values_of(problem, number, rows)
+        for effect, own in zip(self.effects, self.hats, strict=True):
+            none = np.zeros(len(effect.terms))
+            columns = np.asarray(problem.design((effect,)).rows(channels, size, none))
+            made += [hats(values) * column[:, None] for hats, _ in own for column in columns.T]
+        return np.column_stack([np.empty((size, 0)), *made])

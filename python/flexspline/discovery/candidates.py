@@ -171,8 +171,10 @@ def order_pools(
     taken |= {ONE_SINE for e in model if e.name == GRAVITY}
     scanned_out = any(line.pair == "output_housing" for line in found)
     low = [(k, pair) for k, pair in _low(facts, scanned_out) if k * span * abs(pair.turns) >= np.pi]
-    wanted = [(_owner(k, pair, facts), (k, CORE_PAIRS[pair.name]))
-              for k, pair in [*low, *_of_facts(facts)]]  # fmt: skip
+    wanted = []
+    for k, pair in [*low, *_of_facts(facts)]:
+        name, _ = owner(OrderCandidate(k, pair, k * pair.turns), facts, alone=False)
+        wanted.append((name, (k, CORE_PAIRS[pair.name])))
     for line in found[: SETTINGS.functions]:
         if isinstance(line.order, int) and line.pair:
             name = OUTPUT_RIPPLE if line.effect == GRAVITY else line.effect
@@ -189,7 +191,11 @@ def order_pools(
     seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
             if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *seen]))
-    return {name: _allowed(name, own[name]) for name in names if own.get(name)}
+    return {
+        name: tuple(h for h in own[name] if h[1] in CATALOGUE[name].pairs)[: _core.max_harmonics]
+        for name in names
+        if own.get(name)
+    }
 
 
 def _is_overtone(line: FoundOrder, found: Sequence[FoundOrder]) -> bool:
@@ -227,11 +233,6 @@ def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
     return {f"{e.name}.{e.terms[k].name}": 0.0 for e in effects for k in unseen(e, span)}
 
 
-def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:
-    known = CATALOGUE[name].pairs
-    return tuple(h for h in orders if h[1] in known)[: _core.max_harmonics]
-
-
 def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
     """Low orders of every pair whose angle is another than those before.
 
@@ -255,11 +256,6 @@ def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
     if "gear_ratio" not in facts:
         return []
     return [(k * count, pair) for pair in motor for count in counts if count > 1 for k in (1, 2)]
-
-
-def _owner(order: int, pair: Pair, facts: Mapping[str, Any]) -> str:
-    name, _ = owner(OrderCandidate(order, pair, order * pair.turns), facts, alone=False)
-    return name
 
 
 PAIRED = {info.name: info.combines for info in CATALOGUE.values() if info.combines}

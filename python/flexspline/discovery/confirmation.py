@@ -49,13 +49,12 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
-from flexspline.least_squares.result import Fit
+from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.candidate_model import HeldOut, Working, fall_of, rmse_of
-from flexspline.regression.gram import SINGULAR, TINY
 
-__all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance", "together",
-           "wald"]  # fmt: skip
+__all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance",
+           "together"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Residuals = tuple[Array, ...]
@@ -359,33 +358,6 @@ def _too_small(shown: Sequence[Shown]) -> list[Shown]:
 def significance(fit: Fit, name: str, *, held: bool = False) -> float:
     """Return p of Wald's test that all fitted coefficients of an effect are zero; 1 of none."""
     return float(chi2.sf(*wald(fit, name, held=held)))
-
-
-def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
-    """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
-
-    ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
-    shapes where they are.
-    """
-    known = fit.part.record["covariance"]["names"]
-    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
-    values = {p.name: p.value for p in fit.parameters}
-    at = [k for k, own in enumerate(known) if own in terms]
-    if not at:
-        return 0.0, 1
-    beta = np.array([values[known[k]] for k in at])
-    spread = fit.covariance[np.ix_(at, at)]
-    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
-    if held and own:
-        across = fit.covariance[np.ix_(own, at)]
-        shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)
-        spread = spread - across.T @ shapes @ across
-    scale = np.sqrt(np.maximum(np.diag(spread), TINY))
-    if np.all(scale <= SINGULAR * np.abs(beta)):
-        return np.inf, len(at)  # runs without noise
-    scaled = spread / np.outer(scale, scale)
-    told = np.linalg.lstsq(scaled, beta / scale, rcond=SINGULAR)[0]
-    return float((beta / scale) @ told), len(at)
 
 
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:

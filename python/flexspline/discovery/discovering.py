@@ -391,14 +391,12 @@ class _Recorded:
         effects = with_freedoms(effects, free)
         absent = (*task.exclude, *exclude)
         study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
-        study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
+        if self.blur is not None:
+            both = zip(study.problem.runs, self.blur, strict=True)
+            runs = tuple(replace(run, blur=blur) for run, blur in both)
+            study = replace(study, problem=replace(study.problem, runs=runs))
+        study = replace(study, scatter=task.scatter)
         return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
-
-    def _blurred(self, problem: Problem) -> Problem:
-        if self.blur is None:
-            return problem
-        both = zip(problem.runs, self.blur, strict=True)
-        return replace(problem, runs=tuple(replace(run, blur=blur) for run, blur in both))
 
     def look(self, free: Sequence[str]) -> FirstLook:
         return first_look(*self.study(free), self.task.say)
@@ -521,7 +519,9 @@ def _task(
                 f"{listed(own)} of each run by itself; start from a model without per_run, or from "
                 "effects"
             )
-        held = {**_fixed_in(part.record), **fixed}
+        parameters = part.record.get("parameters", ())
+        by_user = {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}
+        held = {**by_user, **fixed}
         load = known_load or part.known_load
         return Task(part.effects, part.target, load, held, given, part.simulated)
     if target is None:
@@ -568,9 +568,3 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
     blurred = "where the motion is not resolved, or what came before is not known"
     found = {**_counts(recordings), "at rest": rest, blurred: recorded - rest - used}
     return {"used": used, **{why: count for why, count in found.items() if count}}
-
-
-def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:
-    """Parameters that the user of a model held, by name."""
-    parameters = record.get("parameters", ())
-    return {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}

@@ -43,7 +43,7 @@ from flexspline.formatting import short
 from flexspline.least_squares.late_load import slopes_by
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check_runs
-from flexspline.logs.checks.consistency import TOLD, Gear, measured_gear
+from flexspline.logs.checks.consistency import TOLD, late_alike, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.samples import unwrapped
 from flexspline.logs.log import Log
@@ -126,7 +126,7 @@ def data_faults(
     late = {f.run for f in found if f.name == ENCODER_DELAY}
     if late:
         gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}
-        if 2 * len(late) < len(logs) or not _late_alike([*gears.values()]):
+        if 2 * len(late) < len(logs) or not late_alike([*gears.values()]):
             row = {log.name: median_step(log["time"]) for log in logs}
             least = {run: abs(one.delay) - TOLD * one.delay_error for run, one in gears.items()}
             found = [f for f in found if f.name != ENCODER_DELAY
@@ -134,17 +134,6 @@ def data_faults(
     flipped = Counter(f.channel for f in found if f.name == SIGN)
     rare = [channel for channel, runs in flipped.items() if 2 * runs < len(logs)]
     return tuple(f for f in found if not (f.name == SIGN and f.channel in rare))
-
-
-def _late_alike(gears: Sequence[Gear]) -> bool:
-    """Whether one encoder is late by the same in all runs, as a recorder makes it, not torsion."""
-    if len(gears) < 2:
-        return True
-    delay = np.array([gear.delay for gear in gears])
-    weight = np.array([max(gear.delay_error, TINY) for gear in gears]) ** -2.0
-    mean = np.average(delay, weights=weight)
-    scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
-    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
 
 
 def with_unwrapped_angles(

@@ -32,18 +32,8 @@ from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import TINY
 
-__all__ = [
-    "LOOPS",
-    "WIDTH",
-    "driving_spring",
-    "falling_power",
-    "fastest_of",
-    "held_powers",
-    "impossible",
-    "level_of",
-    "one_signed",
-    "spring_bounds",
-]
+__all__ = ["LOOPS", "WIDTH", "driving_spring", "falling_power", "fastest_of", "held_powers",
+           "impossible", "level_of", "one_signed", "spring_bounds"]  # fmt: skip
 
 Array = NDArray[np.float64]
 

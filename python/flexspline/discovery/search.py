@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import LEAD, places_of, turning_over
+from flexspline.discovery.basis import LEAD, bent_forms, places_of, turning_over
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
@@ -80,7 +80,7 @@ Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
@@ -91,15 +91,11 @@ class Study:
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
-    orders: Orders = field(default=())
+    orders: Orders = ()
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
-    last: tuple[Working, Whitening, Dictionary] | None = field(
-        default=None, repr=False, compare=False
-    )
-    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    last: tuple[Working, Whitening, Dictionary] | None = None
+    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(default_factory=dict)
 
     @property
     def target(self) -> str:
@@ -118,10 +114,8 @@ class Study:
         orders, made = self.known.get(tuple(model), (None, []))
         if orders is not self.orders:
             facts = self.problem.runs[0].log.facts
-            names = [e.name for e in self.possible]
-            pools = order_pools(
-                names, facts, self.orders, model, self.target, span_of(self.problem)
-            )
+            names, span = [e.name for e in self.possible], span_of(self.problem)
+            pools = order_pools(names, facts, self.orders, model, self.target, span)
             made = candidates_for(model, self.possible, self.problem, pools)
             self.known[tuple(model)] = self.orders, made
         return made
@@ -233,7 +227,7 @@ class Searcher:
     """A search at one noise; `refused` says why the best offers were not taken.
 
     `lax`: for a first look, with no more than prices. `kept`: what effects gained beside a model
-    whose friction turns over in another way.
+    and columns that were given.
     """
 
     study: Study
@@ -308,7 +302,7 @@ class Searcher:
         cost = cost_of(dictionary, work, effect.name)
         if self.lax:
             return cost, 0.0
-        return cost, self._missed(dictionary, work, effect)
+        return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
         """Drop names, or exchange them where that is better: one for one or two, two for one."""
@@ -411,7 +405,7 @@ class Searcher:
         """Whether an offer is worth a fit; `rivals`: effects that may be asked of next."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
-        if offer.gain < self._missed(dictionary, work, offer.effect, rivals):
+        if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
         if work.bound:  # folds say little of a model that its shapes cannot follow
@@ -423,51 +417,80 @@ class Searcher:
         return True
 
     def _missed(
-        self, dictionary: Dictionary, work: Working, effect: Effect, rivals: Sequence[Effect] = ()
+        self,
+        dictionary: Dictionary,
+        work: Working,
+        effect: Effect,
+        gain: float,
+        rivals: Sequence[Effect] = (),
     ) -> float:
-        """What the forms of names may miss, χ².
+        """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
 
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
+
+        Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
-        least = price(len(effect.terms), 1.0, len(dictionary.candidates))
-        if {*effect.reads} == {SPEED} and self._beside_turning(work, effect, rivals) < least:
-            return np.inf
         tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
-        return max((missed(dictionary, e, effect, tied) for e in others), default=0.0)
-
-    def _beside_turning(self, work: Working, effect: Effect, rivals: Sequence[Effect]) -> float:
-        """What an effect of the speed gains where friction may turn over in another way, too.
-
-        ∞ where nothing turns over. Of long logs a part is looked at. From the second effect on that
-        is asked of beside the same, its rivals are asked of with it, for most of the work is the
-        same.
-        """
-        problem, rest = self.study.thinned().problem, work.without(effect.name)
-        turning = turning_over(problem, rest.effects)
-        if turning is None:
+        names = {e.name: missed(dictionary, e, effect, tied) for e in others}
+        most = max(names.values(), default=0.0)
+        problem = self.study.thinned().problem
+        least = price(len(effect.terms), 1.0, len(dictionary.candidates))
+        rest = [e for e in work.effects if e.name != effect.name]
+        turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else None
+        more = rows_of(self.study.problem) / rows_of(problem)
+        alike = [e for e in rivals if {*e.reads} == {SPEED}]
+        if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
-        model = rest.effects, rest.coefficients.tobytes(), tuple(sorted(rest.fixed.items()))
-        known = self.kept.setdefault(model, {})
+        if gain >= most:
+            return most
+        bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
+        freed = bent_forms(problem, bent)
+        if freed is None:
+            return most
+        kept = self._kept(problem, work, effect, freed, bent, rivals)
+        return 0.0 if kept >= SETTINGS.freed * least else most
+
+    def _kept(
+        self,
+        problem: Problem,
+        work: Working,
+        effect: Effect,
+        given: Given,
+        bent: tuple[Effect, ...],
+        rivals: Sequence[Effect],
+    ) -> float:
+        """What an effect gains beside a model and given columns: other forms of `bent`.
+
+        From the second effect on that is asked of beside the same, its rivals are asked of with it,
+        for most of the work is the same.
+        """
+        rest = work.without(effect.name)
+        fixed = tuple(sorted(rest.fixed.items()))
+        known = self.kept.setdefault((rest.effects, rest.coefficients.tobytes(), fixed, bent), {})
         if effect not in known:
             names = {e.name for e in work.effects}
-            alike = [e for e in rivals if {*e.reads} == {SPEED} and e.name not in names]
-            together = [effect, *(alike if known and effect.name not in names else ())]
-            together = [e for e in dict.fromkeys(together) if e not in known]
-            known.update(self._gains(problem, rest, together, turning))
-        return known[effect] * rows_of(self.study.problem) / rows_of(problem)
+            more = rivals if known and effect.name not in names else ()
+            together = [effect, *(e for e in more if e not in known and e.name not in names)]
+            known.update(self._gains(problem, rest, list(dict.fromkeys(together)), given, not bent))
+        return known[effect]
 
     def _gains(
-        self, problem: Problem, work: Working, effects: Sequence[Effect], turning: Given
+        self,
+        problem: Problem,
+        work: Working,
+        effects: Sequence[Effect],
+        given: Given,
+        turning: bool,
     ) -> dict[Effect, float]:
-        """What each effect alone gains beside a model and another way in which friction turns over.
+        """What each effect alone gains beside a model and columns that are given.
 
-        Such a one may take its level later, and never exceeds it, which is what Stribeck's does.
+        `turning`: whether friction turns over by these; it never exceeds its level, as Stribeck's.
         """
-        table = tabulated(problem, work.sheet(beside=effects, given=turning), self.whitening)
+        table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
         ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
         model = np.delete(np.arange(len(table.total) - 1), np.arange(ends[0], ends[-1]))
         left, raw = table.without(model), np.diag(table.total)
-        exceeds = solved(table.total, model)[-1] * level_of(work, COULOMB) < 0.0
+        exceeds = turning and solved(table.total, model)[-1] * level_of(work, COULOMB) < 0.0
         beside = {STRIBECK: table.without(model[:-1])} if exceeds else {}
         own = zip(effects, ends, ends[1:], strict=False)
         return {
@@ -485,7 +508,7 @@ class Searcher:
         if gain < offer.price:
             return None
         reason = "" if self.lax else self.forbidden(made, effect.name)
-        if not self.lax and not reason and gain < self._missed(dictionary, work, effect):
+        if not self.lax and not reason and gain < self._missed(dictionary, work, effect, gain):
             reason = LEFT_OF_FORM
         if reason:
             self.refused[effect.name] = reason

@@ -30,6 +30,7 @@ class Settings:
     little, most : of anything: a small part of it, nearly all of it.
     stand_in : of its gain, that a name keeps beside functions of the channels, to be no stand-in.
         Once a judgement on two measured joints; the table has not been run over whole lists.
+    freed : times its price, that an effect gains beside freed forms: functions are few.
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
     told : standard errors up to which two are indistinguishable.
     certain : t above which held-out errors fall by more than chance: of a name, in the report's
@@ -51,6 +52,7 @@ class Settings:
     little: float = 0.1
     most: float = 0.8
     stand_in: float = 0.4
+    freed: float = 1.25
     overwhelming: float = 5.0
     told: float = 3.0
     certain: float = 16.0

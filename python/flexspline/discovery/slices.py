@@ -52,17 +52,9 @@ MOVES = 0.5  # of the largest speed but for a tenth, from which a row belongs to
 def frequency_bands(
     logs: Sequence[Log], residuals: Sequence[Sequence[Array]]
 ) -> list[tuple[str, int, list[float]]]:
-    """Return label, rows and RMS of each band, slow to fast.
+    """Return label, rows of the stretches and RMS of each model, of each band, slow to fast.
 
-    Parameters
-    ----------
-    logs : runs.
-    residuals : for each of several models, an array (N,) for each run; NaN where a row does not
-        count.
-
-    Returns
-    -------
-    list of (label, rows of the stretches, RMS of each model in the unit of the residuals)
+    `residuals`: of each model, (N,) of each run; NaN where a row does not count.
     """
     rate = 1.0 / max(median_step(log["time"]) for log in logs)
     high = min(HIGH_HZ, DECADE ** np.floor(np.log10(0.5 * SETTINGS.most * rate)))

@@ -21,7 +21,7 @@ from flexspline.forward.servo import PositionServo
 from flexspline.lazy import Rendered, render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.options import Bounds
+from flexspline.least_squares.options import Bounds, coefficient_names
 from flexspline.least_squares.uncertainty import Uncertainty, require_level
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
@@ -51,6 +51,7 @@ __all__ = [
     "contributions",
     "parameters_frame",
     "shares",
+    "wald",
 ]
 
 
@@ -59,6 +60,8 @@ Array = NDArray[np.float64]
 _FIELDS = ("rmse", "held_out", "regression")
 _NOT_KEPT = ("degrees_of_freedom", "bounds", "logarithmic")
 """Of a parameter, what only the fit that was just made needs."""
+TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
+SINGULAR = 1e-9  # of a size: what is less is none
 
 
 @dataclass(frozen=True)
@@ -496,6 +499,33 @@ def shares(fit: Fit) -> dict[str, float]:
         for name, values in contributions(fit, run).items():
             squares[name] = squares.get(name, 0.0) + float(np.nansum(values[run.counts] ** 2))
     return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
+
+
+def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
+    """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
+
+    ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
+    shapes where they are.
+    """
+    known = fit.part.record["covariance"]["names"]
+    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
+    values = {p.name: p.value for p in fit.parameters}
+    at = [k for k, own in enumerate(known) if own in terms]
+    if not at:
+        return 0.0, 1
+    beta = np.array([values[known[k]] for k in at])
+    spread = fit.covariance[np.ix_(at, at)]
+    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
+    if held and own:
+        across = fit.covariance[np.ix_(own, at)]
+        shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)
+        spread = spread - across.T @ shapes @ across
+    scale = np.sqrt(np.maximum(np.diag(spread), TINY))
+    if np.all(scale <= SINGULAR * np.abs(beta)):
+        return np.inf, len(at)  # runs without noise
+    scaled = spread / np.outer(scale, scale)
+    told = np.linalg.lstsq(scaled, beta / scale, rcond=SINGULAR)[0]
+    return float((beta / scale) @ told), len(at)
 
 
 def _groups(fit: Fit, effects: list[str]) -> list[list[str]]:
