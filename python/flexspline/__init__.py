@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
     from flexspline.deprecated import fit
     from flexspline.discovery.discovering import discover
-    from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, Estimates, estimate
     from flexspline.estimators import (
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
+    from flexspline.experiment.asking import next_experiment
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
     from flexspline.exporting.block import learned_model
@@ -180,7 +180,7 @@ _HOME = {
     "joints_of": "logs.read",
     "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
-    "next_experiment": "discovery.experimenting",
+    "next_experiment": "experiment.asking",
     "own_effect": "own",
     "read_log": "logs.read",
     "read_pieces": "logs.read",

@@ -296,15 +296,41 @@ def fit_near(
         For too few rows.
     """
     from flexspline.least_squares.assemble import assembled, generalised
+
+    problem, made = _solved_near(problem, effects, fixed, bounds)
+    if general:
+        made = generalised(made) or made
+    return assembled(problem, made, into, [], None)
+
+
+def held_out_near(
+    problem: Problem,
+    effects: Sequence[Effect],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+) -> tuple[NDArray[np.float64], ...]:
+    """Return what `fit_near` leaves of rows held out, (N,) of each run, by plain least squares.
+
+    NaN on rows that do not count. Arguments and errors are those of `fit_near`.
+    """
+    from flexspline.least_squares.validation import cross_validate
+
+    _, made = _solved_near(problem, effects, fixed, bounds)
+    return cross_validate(made).residuals
+
+
+def _solved_near(
+    problem: Problem,
+    effects: Sequence[Effect],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+) -> tuple[Problem, Estimate]:
     from flexspline.least_squares.estimate import Given
     from flexspline.least_squares.problem import settled
 
     _require_rows(problem, effects)
     problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
-    problem, made = solved(problem, effects, given, lambda: None, near=True)
-    if general:
-        made = generalised(made) or made
-    return assembled(problem, made, into, [], None)
+    return solved(problem, effects, given, lambda: None, near=True)
 
 
 def runs_of(logs: LogLike | Iterable[LogLike]) -> list[Log]:

@@ -9,13 +9,14 @@ matplotlib nor jinja2 is loaded before something is drawn or written.
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["attached", "register", "render"]
+__all__ = ["Rendered", "attached", "register", "render"]
 
 
 _HOMES: dict[tuple[str, str], str] = {}
@@ -49,3 +50,20 @@ def render(kind: str, form: str, *shown: Any, **options: Any) -> Any:
     """Return what the registered function makes of a result and of all that it is given besides."""
     module, _, name = _HOMES[kind, form].partition(":")
     return getattr(importlib.import_module(module), name)(*shown, **options)
+
+
+class Rendered:
+    """A result that has a text, a fragment of HTML for notebooks, and a report."""
+
+    _kind: ClassVar[str]
+    """Of the result, by which what shows it is registered."""
+
+    def __str__(self) -> str:
+        return render(self._kind, "text", self)
+
+    def _repr_html_(self) -> str:
+        return render(self._kind, "html", self)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        render(self._kind, "report", self, path)

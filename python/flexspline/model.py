@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.about import __version__
-from flexspline.effects import Effect, unit_in
+from flexspline.effects import Effect, slices_of, unit_in
 from flexspline.effects.causes import (
     COULOMB,
     COULOMB_PER_DIRECTION,
@@ -303,12 +303,10 @@ class Model:
     def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
         part, rows = self.part(target), self.rows(log, target)
-        found, first = {}, 0
-        for effect in part.effects:
-            last = first + len(effect.terms)
-            found[effect.name] = np.asarray(rows[:, first:last] @ part.coefficients[first:last])
-            first = last
-        return found
+        return {
+            effect.name: np.asarray(rows[:, at] @ part.coefficients[at])
+            for effect, at in zip(part.effects, slices_of(part.effects), strict=True)
+        }
 
     def to_json(self) -> str:
         """Return the model as text in the format of `model.json`."""
@@ -609,10 +607,7 @@ def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
     checked = []
-    first = 0
-    for effect in part.effects:
-        values = part.coefficients[first : first + len(effect.terms)]
-        first += len(effect.terms)
+    for effect, values in part.by_effect():
         traits = effect.info.traits
         if traits.basic and traits.one_signed:
             what = effect.name.rpartition("_")[2]  # friction or inertia
@@ -675,17 +670,15 @@ def _weak_orders(part: Part) -> list[str]:
     if [len(row) for row in known["matrix"]] != [len(place)] * len(place):
         return []  # a file that was changed by hand
     covariance = np.array(known["matrix"], dtype=np.float64)
-    found, first = [], 0
-    for effect in part.effects:
-        last = first + len(effect.terms)
+    found = []
+    for effect, values in part.by_effect():
         if effect.ripple:
             names = [f"{effect.name}.{term.name}" for term in effect.terms]
             for number, (order, _) in enumerate(effect.harmonics):
-                both = part.coefficients[first + 2 * number : first + 2 * number + 2]
+                both = values[2 * number : 2 * number + 2]
                 at = [place[n] for n in names[2 * number : 2 * number + 2] if n in place]
                 if len(at) == 2 and _near_zero(both, covariance[np.ix_(at, at)]):
                     found.append(f"{effect.name} order {order}")
-        first = last
     return found
 
 

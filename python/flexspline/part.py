@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects import UNITS, Effect, require_effects
+from flexspline.effects import UNITS, Effect, require_effects, slices_of
 from flexspline.errors import InputError
 from flexspline.own.effect import OwnEffect, declaration, of_file
 from flexspline.prepared import Preparation, preparations_of
@@ -71,6 +71,24 @@ class Part:
     def unit(self) -> str:
         return UNITS[self.target]
 
+    def by_effect(self) -> Iterator[tuple[Effect, Array]]:
+        """Yield each effect with its coefficients, (terms,)."""
+        for effect, at in zip(self.effects, slices_of(self.effects), strict=True):
+            yield effect, self.coefficients[at]
+
+    def coefficients_of(self, name: str) -> Array:
+        """Return the coefficients of an effect by its name, (terms,); none without it."""
+        return next((values for each, values in self.by_effect() if each.name == name), np.empty(0))
+
+    def keeping(self, wanted: Callable[[Effect], bool]) -> Part:
+        """Return the part with those of its effects alone that are wanted."""
+        kept = [(effect, values) for effect, values in self.by_effect() if wanted(effect)]
+        return replace(
+            self,
+            effects=tuple(effect for effect, _ in kept),
+            coefficients=np.concatenate([np.empty(0), *(values for _, values in kept)]),
+        )
+
     @property
     def preparations(self) -> tuple[Preparation, ...]:
         """How channels are to be made before the effects read them."""
@@ -83,19 +101,16 @@ class Part:
 
 def part_to_json(part: Part) -> dict[str, Any]:
     """Return a part as `model.json` holds it."""
-    first, effects = 0, []
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        effects.append(
-            {
-                "name": effect.name,
-                "shapes": dict(effect.shapes),
-                "harmonics": [list(harmonic) for harmonic in effect.harmonics],
-                "coefficients": part.coefficients[first:last].tolist(),
-                **({"own": declaration(effect)} if isinstance(effect, OwnEffect) else {}),
-            }
-        )
-        first = last
+    effects = [
+        {
+            "name": effect.name,
+            "shapes": dict(effect.shapes),
+            "harmonics": [list(harmonic) for harmonic in effect.harmonics],
+            "coefficients": values.tolist(),
+            **({"own": declaration(effect)} if isinstance(effect, OwnEffect) else {}),
+        }
+        for effect, values in part.by_effect()
+    ]
     return {
         "target": part.target,
         "unit": part.unit,

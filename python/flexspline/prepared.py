@@ -184,7 +184,7 @@ def learned(
     if bandwidth == np.inf:
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position is not None and velocity is not None and _quieter(velocity, position):
+    if position and velocity and (not position.noisy or _quieter(velocity, position)):
         late = _lateness(logs, position.smoother(1))
         noise[VELOCITY] = replace(velocity, delay=late)
     return noise, preparations_for(noise, target, known_load, bandwidth)
@@ -229,7 +229,8 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
     """The output's motion: derivatives first, since they are those of the position as recorded."""
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is None or not (position.noisy or bandwidth is not None):
-        if velocity is not None and velocity.noisy:  # an angle without noise tells it better
+        late = position is not None and velocity is not None and _late(velocity, position)
+        if velocity is not None and (velocity.noisy or late):  # an angle without noise tells it
             told = velocity.smoother() if position is None else position.smoother(1)
             source = VELOCITY if position is None else POSITION
             yield Preparation(VELOCITY, source, bandwidth or told)
@@ -242,6 +243,11 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
         yield Preparation(ACCELERATION, POSITION, bandwidth or position.smoother(2))
         yield Preparation(VELOCITY, POSITION, bandwidth or position.smoother(1))
     yield Preparation(POSITION, POSITION, bandwidth or position.smoother())
+
+
+def _late(velocity: ChannelNoise, position: ChannelNoise) -> bool:
+    """Whether a recorded velocity is late by more than half a row, and a derivative is nearer."""
+    return abs(velocity.delay) * velocity.rate > 0.5 and not _quieter(velocity, position)
 
 
 def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:

@@ -15,30 +15,22 @@ the notebook and of mujoco_pendulum.ipynb, which identified damping and friction
 from __future__ import annotations
 
 import argparse
-import os
+import sys
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+
+import measured
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
-from flexspline.logs import ColumnSource, Log, read_log
+from flexspline.logs import Log, read_log
 
 Array = NDArray[np.float64]
 
-DATA = Path(os.environ.get("FLEXSPLINE_DATA", "../shared/data"))
-COLUMNS: dict[str, Any] = {
-    "time": "timestamp",
-    "output_position": "position",
-    "output_velocity": "speed",
-    "duty": ColumnSource("load", bits=16, scale=1 / 885),
-    "supply_voltage": "input_volts",
-    "commanded_position": "goal_position",
-    "temperature": "temp",
-    "enabled": "torque_enable",
-}
 HELD_OUT = ("10h28m17", "10h28m57", "10h29m37", "10h29m47")
 MASS, ARM, GRAVITY = 0.49, 0.1, 9.81
 COUNTS = 4096 / (2 * np.pi)  # of the encoder, per rad
@@ -123,8 +115,8 @@ def main() -> None:
     parser.add_argument("--simplex", type=int, default=400, help="evaluations")
     given = parser.parse_args()
     every = [
-        read_log(path, COLUMNS, gear_ratio=1.0, repair="velocity_from_position")
-        for path in sorted((DATA / "xl330_pendulum").glob("*.json"))
+        read_log(path, measured.XL330, gear_ratio=1.0, repair="velocity_from_position")
+        for path in sorted((measured.data_folder() / "xl330_pendulum").glob("*.json"))
     ]
     held_out = [log for log in every if log.name.endswith(HELD_OUT)]
     logs = [log for log in every if not log.name.endswith(HELD_OUT)]

@@ -20,20 +20,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import simulation as sim
 from flexspline.logs.log import Log
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Output,
-    Servo,
-    Start,
-    Trajectory,
-)
 from flexspline.tracking import History, history_of, track
 
 Sizes = dict[str, float]
@@ -68,7 +56,7 @@ TORSION = ["offset", "mesh_compliance", "backlash", "kinematic_error"]
 
 def drive(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> Log:
     """Return a run that turns under a load."""
-    friction = Friction.both_ways(
+    friction = sim.Friction.both_ways(
         made["coulomb"] * (1.0 + worn["coulomb"]) * rng.normal(1.0, 0.03),
         load=made["load"] * (1.0 + worn["load"]),
         viscous=made["viscous"] * rng.normal(1.0, 0.04),
@@ -78,20 +66,20 @@ def drive(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> Lo
         viscous_fade=0.015,
     )
     ripple = (
-        Harmonic(2, made["ripple"] * (1.0 + worn["ripple"]), 0.7),
-        Harmonic(5, 0.03, 0.2),
+        sim.Harmonic(2, made["ripple"] * (1.0 + worn["ripple"]), 0.7),
+        sim.Harmonic(5, 0.03, 0.2),
     )
-    joint = Joint(
-        Gear(100.0, "circular"),
-        Motor(inertia=1e-4),
-        Output(inertia=0.5, gravity=6.0, gravity_angle=0.3, friction=friction, ripple=ripple),
+    joint = sim.Joint(
+        sim.Gear(100.0, "circular"),
+        sim.Motor(inertia=1e-4),
+        sim.Output(inertia=0.5, gravity=6.0, gravity_angle=0.3, friction=friction, ripple=ripple),
     )
     t = np.arange(0.0, 60.0, 1.0 / 200.0)
     q = 2.0 * np.sin(2.0 * np.pi * t / 20.0) * (1.0 + 0.3 * np.sin(2.0 * np.pi * t / 7.0))
     load = 8.0 * np.sin(2.0 * np.pi * t / 11.0 + 1.0) + 3.0 * np.sin(2.0 * np.pi * t / 3.7)
     log = _servoed(joint, t, q, load, room).log(
-        output_encoder=Encoder(19),
-        noise={"motor_torque": Noise(0.1 / RATIO, 0.02), "reference_torque": Noise(0.02)},
+        output_encoder=sim.Encoder(19),
+        noise={"motor_torque": sim.Noise(0.1 / RATIO, 0.02), "reference_torque": sim.Noise(0.02)},
         seed=int(rng.integers(1 << 30)),
         facts=FACTS,
         channels=("output_position", "motor_torque", "reference_torque", "temperature"),
@@ -103,25 +91,25 @@ def drive(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> Lo
 def torsion(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> Log:
     """Return a run whose motor holds or creeps while the load rises and falls."""
     softer = (1.0 - worn["stiffness"]) * (1.0 - 4e-4 * (room - 25.0))
-    joint = Joint(
-        Gear(
+    joint = sim.Joint(
+        sim.Gear(
             100.0,
             "circular",
             mesh_stiffness=made["stiffness"] * softer,
             mesh_shape=0.03,
             damping=40.0,
-            kinematic_error=(Harmonic(2, 3e-3, 1.8), Harmonic(4, 2.5e-3, -1.4)),
+            kinematic_error=(sim.Harmonic(2, 3e-3, 1.8), sim.Harmonic(4, 2.5e-3, -1.4)),
         ),
-        Motor(inertia=1e-4, friction=Friction.both_ways(0.01)),
-        Output(inertia=0.5, friction=Friction.both_ways(0.05)),
+        sim.Motor(inertia=1e-4, friction=sim.Friction.both_ways(0.01)),
+        sim.Output(inertia=0.5, friction=sim.Friction.both_ways(0.05)),
     )
     t = np.arange(0.0, 60.0, 1.0 / 200.0)
     q = 1.5 * np.sin(2.0 * np.pi * t / 60.0)
     load = 25.0 * np.sin(2.0 * np.pi * t / 9.0) + 8.0 * np.sin(2.0 * np.pi * t / 2.3)
     log = _servoed(joint, t, q, load, room).log(
-        output_encoder=Encoder(22),
-        motor_encoder=Encoder(16),
-        noise={"reference_torque": Noise(0.05)},
+        output_encoder=sim.Encoder(22),
+        motor_encoder=sim.Encoder(16),
+        noise={"reference_torque": sim.Noise(0.05)},
         seed=int(rng.integers(1 << 30)),
         facts=FACTS,
         channels=("output_position", "motor_position", "reference_torque", "temperature"),
@@ -132,16 +120,16 @@ def torsion(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> 
     return log.with_columns(moved, note="backlash")
 
 
-def _servoed(joint: Joint, t: Array, q: Array, load: Array, room: float) -> Trajectory:
+def _servoed(joint: sim.Joint, t: Array, q: Array, load: Array, room: float) -> sim.Trajectory:
     """The run of a joint that its servo takes along q against a load."""
     return joint.simulate(
         t,
-        servo=Servo(position_gain=30.0, velocity_gain=0.08, integral_gain=1.0),
+        servo=sim.Servo(position_gain=30.0, velocity_gain=0.08, integral_gain=1.0),
         position_command=q,
         velocity_command=np.gradient(q, t),
         load_torque=load,
         room_temperature=room,
-        start=Start(output_position=q[0], output_velocity=float(np.gradient(q, t)[0])),
+        start=sim.Start(output_position=q[0], output_velocity=float(np.gradient(q, t)[0])),
     )
 
 

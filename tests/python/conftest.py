@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ import pytest
 from demo_run import Demo
 from mujoco_plugins import Loaded, loader
 from undrawn import undrawn
+
+from flexspline.errors import InputError
+from flexspline.model import Model
 
 LONG = (
     "test_notebooks.py",
@@ -86,6 +90,33 @@ def mujoco() -> Any:
 def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
     """What compiles and loads the MuJoCo plugin of a model."""
     return loader(mujoco, tmp_path_factory.mktemp("plugins"))
+
+
+@pytest.fixture
+def refused_model(tmp_path: Path) -> Callable[[str], str]:
+    """What says why a model.json of this text is refused; it begins with the file."""
+
+    def why(text: str) -> str:
+        path = tmp_path / "joint.json"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError) as caught:
+            Model.load(path)
+        assert str(caught.value).startswith(f"{path}: ")
+        return str(caught.value)
+
+    return why
+
+
+@pytest.fixture
+def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """What takes a library away, as if it were not installed."""
+
+    def without(library: str) -> None:
+        for module in [m for m in sys.modules if m.startswith(f"{library}.")]:
+            monkeypatch.setitem(sys.modules, module, None)
+        monkeypatch.setitem(sys.modules, library, None)
+
+    return without
 
 
 @pytest.fixture

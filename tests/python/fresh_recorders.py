@@ -28,6 +28,7 @@ from recorders import (
     _other,
     _same,
     _still,
+    _table,
     _text,
     _white,
     joint_run,
@@ -67,10 +68,12 @@ def maxon_recorder() -> File:
         "Gear reduction;100/1",
         "",
     ]
-    return _file(
+    return _table(
         "Recorder_Node3.csv",
-        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n"),
         columns,
+        ";",
+        "\r\n",
+        head=head,
         facts={"gear_ratio": 100},
         ambiguous={
             "motor_position": "increments of a resolution that only the preamble gives",
@@ -97,10 +100,11 @@ def kollmorgen_scope() -> File:
         _channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f", -1.0),
         _channel(run, "supply_voltage", '"VBUS.VALUE (V)"', "%.1f"),
     ]
-    return _file(
+    return _table(
         "Scope_2026-05-04.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")], "\r\n"),
         columns,
+        ",",
+        "\r\n",
         facts={"gear_ratio": 160},
         ambiguous={
             "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
@@ -130,10 +134,10 @@ def odrive_script() -> File:
         _channel(run, "motor_temperature", "motor_temp", "%.2f"),
         _channel(run, "output_position", "output_enc_deg", "%.4f", DEG),
     ]
-    return _file(
+    return _table(
         "odrive_log_axis0.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 50},
         ambiguous=dict.fromkeys(
             ("motor_position", "motor_velocity", "motor_current", "supply_voltage"), NO_UNIT
@@ -181,10 +185,12 @@ def rexroth_oszilloskop() -> File:
         _channel(run, "motor_temperature", "S-0-0383 Motortemperatur [°C]", "%.1f"),
     ]
     columns = _commas(table)
-    return _file(
+    return _table(
         "Oszi_Achse1.csv",
-        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
         facts={"gear_ratio": 120},
         ambiguous={"motor_torque": "per cent of a rated torque that is not in the file"},
     )
@@ -240,10 +246,10 @@ def student_short_names() -> File:
         _channel(run, "temperature", "tmp", "%.1f"),
     ]
     whose = NO_UNIT + ", nor on which side of the gear it is"
-    return _file(
+    return _table(
         "test2_final.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         ambiguous={
             "output_position": whose,
             "motor_velocity": whose,
@@ -334,10 +340,10 @@ def ros_bag_csv() -> File:
         columns.append(_other("/" + form.format("shoulder_joint"), still, "%.6f"))
         columns.append(_channel(run, channel, "/" + form.format("elbow_joint"), "%.6f"))
     channels = [channel for channel, _ in fields.values()]
-    return _file(
+    return _table(
         "bag_elbow_sweep.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 100},
         ambiguous=dict.fromkeys(channels, NO_UNIT)
         | {
@@ -371,10 +377,12 @@ def spanish_bench() -> File:
         *numbers,
         _same("Observaciones", "ok", rows),
     ]
-    return _file(
+    return _table(
         "ensayo_reductor_80.csv",
-        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "utf-8-sig"),
         columns,
+        ";",
+        "\r\n",
+        "utf-8-sig",
         facts={"gear_ratio": 80},
     )
 
@@ -395,10 +403,12 @@ def chinese_test_stand() -> File:
         _channel(run, "sensor_torque", "关节力矩传感器（N·m）", "%.3f"),
         _channel(run, "motor_temperature", "电机温度（℃）", "%.1f"),
     ]
-    return _file(
+    return _table(
         "关节测试_05.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")], "\r\n", "gb18030"),
         columns,
+        ",",
+        "\r\n",
+        "gb18030",
         facts={"gear_ratio": 120},
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 from fit_logs import WIDTH, autoregressive, motion
@@ -170,3 +171,8 @@ def gains_nothing(base: Fit, made: Fit, name: str) -> None:
     assert made.cv_rmse > (1.0 - NOTHING) * base.cv_rmse
     # a mean of squares of 1 to 6 normal numbers; a shape that was searched takes the best of many
     assert evidence(made, name) < 16.0
+
+
+def of_each_seed(make: Callable[[str, int], Log]) -> Callable[[str], tuple[Log, ...]]:
+    """Return what makes a run of each seed that hides an effect by its name, once."""
+    return cache(lambda name: tuple(make(name, seed) for seed in SEEDS))

@@ -9,6 +9,17 @@ from flexspline.logs import ColumnSource, Log, read_log
 
 KINOVA_SPEEDS = (0.03, 0.05, 0.09, 0.1, 0.3, 0.5, 0.7, 0.9, 1.3, 1.5)
 
+XL330: dict[str, str | ColumnSource] = {
+    "time": "timestamp",
+    "output_position": "position",
+    "output_velocity": "speed",
+    "duty": ColumnSource("load", bits=16, scale=1 / 885),
+    "supply_voltage": "input_volts",
+    "commanded_position": "goal_position",
+    "temperature": "temp",
+    "enabled": "torque_enable",
+}
+
 
 def data_folder() -> Path:
     """Return the folder of the measured logs, which need not exist."""
@@ -64,16 +75,7 @@ def xl330(run: str) -> Log:
     """Dynamixel XL330 with a pendulum, such as "10h28m17"."""
     return read_log(
         data_folder() / "xl330_pendulum" / f"2026-01-15_{run}.json",
-        {
-            "time": "timestamp",
-            "output_position": "position",
-            "output_velocity": "speed",
-            "duty": ColumnSource("load", bits=16, scale=1 / 885),
-            "supply_voltage": "input_volts",
-            "commanded_position": "goal_position",
-            "temperature": "temp",
-            "enabled": "torque_enable",
-        },
+        XL330,
     )
 
 

@@ -27,6 +27,7 @@ from recorders import (
     _lines,
     _other,
     _same,
+    _table,
     _text,
     _white,
     joint_run,
@@ -114,10 +115,10 @@ def doosan_rt() -> File:
                 columns.append(_other(header, estimate, "%.6f"))
     columns += [_same("robot_mode", "1", rows), _same("robot_state", "2", rows)]
     at_output = "said at the output: the motor's own needs a ratio that is not in the file"
-    return _file(
+    return _table(
         "rt_output_j3.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         ambiguous={
             "output_position": "deg are known from the interface alone",
             "output_velocity": "deg/s are known from the interface alone",
@@ -283,10 +284,10 @@ def matlab_timetable() -> File:
         _other("acc_2", 9.81 * np.sin(run["output_position"]) + _white(36, 0.05, rows), "%.15g"),
         _other("acc_3", 9.81 * np.cos(run["output_position"]) + _white(37, 0.05, rows), "%.15g"),
     ]
-    return _file(
+    return _table(
         "TT.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 120},
         ambiguous={
             "output_position": "no unit is stated",
@@ -364,10 +365,10 @@ def r_write_csv() -> File:
         Column('"Servo.on"', on, "enabled", run["enabled"], 0.0),
         _same('"Operator"', '"J. Müller"', rows),
     ]
-    return _file(
+    return _table(
         "clean_run37.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 50},
         ambiguous={"temperature": WHERE},
     )
@@ -593,10 +594,13 @@ def french_bench() -> File:
         ]
     )
     head = ["Banc d'essai réducteur n° 2", "Essai à vitesse constante, rapport 100", ""]
-    return _file(
+    return _table(
         "Essai réducteur 17.csv",
-        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
+        head=head,
         facts={"gear_ratio": 100},
         ambiguous={
             "sensor_torque": "Couple may be that of the motor, of the joint's sensor or of another",
@@ -630,10 +634,13 @@ def russian_cp1251() -> File:
         ]
     )
     head = ["Стенд СВП-3", "Дата: 11.02.2026 15:40", "Передаточное отношение i = 100", ""]
-    return _file(
+    return _table(
         "Испытание_43.txt",
-        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1251"),
         columns,
+        ";",
+        "\r\n",
+        "cp1251",
+        head=head,
         facts={"gear_ratio": 100},
         ambiguous={"temperature": WHERE},
     )
@@ -666,10 +673,13 @@ def chinese_gbk() -> File:
         "",
     ]
     counts = "counts: the resolution stands in the preamble alone"
-    return _file(
+    return _table(
         "关节测试数据.csv",
-        _text([*head, _headers(columns, ","), *_lines(columns, ",")], "\r\n", "gbk"),
         columns,
+        ",",
+        "\r\n",
+        "gbk",
+        head=head,
         facts={"gear_ratio": 121},
         ambiguous={
             "motor_position": counts,
@@ -710,10 +720,13 @@ def polish_drive() -> File:
         "Filtr prędkości [ms];5",
         "",
     ]
-    return _file(
+    return _table(
         "przebieg_45.csv",
-        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1250"),
         columns,
+        ";",
+        "\r\n",
+        "cp1250",
+        head=head,
         facts={"gear_ratio": 80},
         ambiguous={
             "motor_torque": "per cent of a rated torque that only the preamble gives",

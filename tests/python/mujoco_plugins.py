@@ -28,3 +28,11 @@ def loader(mujoco: Any, folder: Path) -> Loaded:
         return name
 
     return load
+
+
+def rotor(name: str, armature: float) -> str:
+    """A body that weighs nothing, on a hinge with an armature: a motor's side of a gear."""
+    return f"""<body>
+      <inertial pos="0 0 0" mass="0.001" diaginertia="1e-9 1e-9 1e-9"/>
+      <joint name="{name}" type="hinge" axis="0 1 0" armature="{armature}"/>
+    </body>"""

@@ -179,7 +179,7 @@ class File:
 
 @dataclass(frozen=True)
 class Recorder:
-    """A recorder, by a file that it wrote; the attributes of `File` are read through it.
+    """A recorder, by a file that it wrote.
 
     Attributes
     ----------
@@ -204,34 +204,15 @@ class Recorder:
         path.write_bytes(self.file().content)
         return path
 
-    @property
-    def truth(self) -> Mapping[str, Array]:
-        return self.file().truth
-
-    @property
-    def steps(self) -> Mapping[str, float]:
-        return self.file().steps
-
-    @property
-    def facts(self) -> Mapping[str, object]:
-        return self.file().facts
-
-    @property
-    def ambiguous(self) -> Mapping[str, str]:
-        return self.file().ambiguous
-
-    @property
-    def wraps(self) -> Mapping[str, float]:
-        return self.file().wraps
-
     def gap(self, channel: str, values: Array) -> float:
         """How far `values` are from the truth at most, in SI units, modulo what the file wraps."""
-        truth = self.truth[channel]
+        made = self.file()
+        truth = made.truth[channel]
         if np.shape(values) != truth.shape or np.any(np.isnan(values) != np.isnan(truth)):
             return math.inf
         apart = np.asarray(values, dtype=float) - truth
-        if channel in self.wraps:
-            apart -= self.wraps[channel] * np.rint(apart / self.wraps[channel])
+        if channel in made.wraps:
+            apart -= made.wraps[channel] * np.rint(apart / made.wraps[channel])
         return float(np.nanmax(np.abs(apart)))
 
 
@@ -342,6 +323,21 @@ def _file(
     return File(name, content, truth, steps, **more)
 
 
+def _table(
+    name: str,
+    columns: Sequence[Column],
+    between: str,
+    newline: str = "\n",
+    encoding: str = "utf-8",
+    *,
+    head: Iterable[str] = (),
+    **more: Mapping[str, object],
+) -> File:
+    """A file of text: lines of a preamble, the headers, the cells."""
+    lines = [*head, _headers(columns, between), *_lines(columns, between)]
+    return _file(name, _text(lines, newline, encoding), columns, **more)
+
+
 def _kept(run: Mapping[str, Array], arrays: Mapping[str, float]) -> dict[str, object]:
     """Truth and steps of channels that a binary file holds in steps of `arrays`."""
     return {"truth": {name: run[name] for name in arrays}, "steps": dict(arrays)}
@@ -390,10 +386,11 @@ def ur_rtde() -> File:
         columns.append(_other(f"target_moment_{joint}", moment.tolist(), "%r"))
     columns += [_same("robot_mode", "7", rows), _same("safety_mode", "1", rows)]
     columns.append(_same("runtime_state", "2", rows))
-    return _file(
+    return _table(
         "ur10e_elbow.csv",
-        _text([_headers(columns, " "), *_lines(columns, " ")], "\r\n"),
         columns,
+        " ",
+        "\r\n",
         ambiguous={
             "motor_current": "no unit is stated; that it is A is known from the interface alone",
             "sensor_torque": "target_moment is what the model asks for and no measurement",
@@ -478,10 +475,10 @@ def kinova_kortex() -> File:
         _other("temperature_core", 41.5 + _white(3, 0.2, rows), "%.2f"),
         *[_same(n, "0", rows) for n in ("fault_bank_a", "fault_bank_b", "warning_bank_a")],
     ]
-    return _file(
+    return _table(
         "gen3_actuator2_feedback.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         ambiguous={
             "sensor_torque": "torque may be that of the motor or that of the joint's sensor",
             "motor_current": "no unit is stated",
@@ -518,10 +515,10 @@ def rostopic_echo() -> File:
         for joint in (1, 2):
             held = _still(joint, -1.2 if kind == "position" else 0.0, rows)
             columns.append(_other(f"field.{kind}{joint}", held, "%.12g"))
-    return _file(
+    return _table(
         "elbow_joint.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         ambiguous={
             "sensor_torque": "effort is in Nm, but measured, commanded or made from the current",
         },
@@ -554,10 +551,10 @@ def plotjuggler() -> File:
         cells = [f"{x:.9f}" if w else "" for x, w in zip(run[channel], when, strict=True)]
         truth = np.where(when, run[channel], np.nan)[there]
         columns.append(Column(header, [cells[k] for k in there], channel, truth, 1e-9))
-    return _file(
+    return _table(
         "plotjuggler_export.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 120},
         ambiguous={"sensor_torque": "effort may be measured, commanded or made from the current"},
     )
@@ -585,10 +582,10 @@ def moteus() -> File:
         _same("fault", "0", rows),
     ]
     turns = "no unit is stated: that they are turns stands in the controller's manual"
-    return _file(
+    return _table(
         "moteus_id1.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 50},
         ambiguous={
             "motor_torque": "torque may be that of the motor or that of the output",
@@ -625,10 +622,10 @@ def dynamixel_raw() -> File:
         _channel(run, "supply_voltage", "Present Input Voltage", "%d", 0.1),
         _channel(run, "temperature", "Present Temperature", "%d"),
     ]
-    return _file(
+    return _table(
         "dxl_id3.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         ambiguous={
             column.channel: "raw ticks: what one is worth stands in the servo's manual alone"
             for column in columns
@@ -737,10 +734,10 @@ def insight_arm() -> File:
     four("tau", "N-m", _channel(run, "sensor_torque", "", "%8.4f"), 0.0, 0.0)
     columns += [_same(f"F{a}(N)      ", "-99999.0000", rows) for a in "rtz"]
     columns += [_same("htr_cur(mA)", "  0.0000    ", rows), _same("grapple_phase", "1", rows)]
-    return _file(
+    return _table(
         "arm_joint2_eu.csv",
-        _text([_headers(columns, ", "), *_lines(columns, ", ")]),
         columns,
+        ", ",
         ambiguous={"sensor_torque": "tau may be measured or made from the current"},
     )
 
@@ -1058,10 +1055,12 @@ def epos_studio() -> File:
         "Sampling period;2;ms",
         "",
     ]
-    return _file(
+    return _table(
         "recorder_01.csv",
-        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n"),
         columns,
+        ";",
+        "\r\n",
+        head=head,
         facts={"gear_ratio": 100, "torque_constant": 0.1},
         ambiguous={
             "motor_torque": "per mille of a rated torque that only the preamble gives",
@@ -1099,10 +1098,12 @@ def excel_german() -> File:
             Column("Bemerkung", remarks),
         ]
     )
-    return _file(
+    return _table(
         "Prüfstand Gelenk 2.csv",
-        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
         facts={"gear_ratio": 100},
         ambiguous={"sensor_torque": "a torque at the output, of the joint's sensor or of another"},
         wraps={"time": 86_400.0},

@@ -213,12 +213,19 @@ def test_a_room_that_has_no_layer_and_one_that_is_no_more_are_told(planted: Path
 
 
 def test_results_ask_for_all_that_the_table_has_and_for_nothing_else() -> None:
-    asked = set()
+    asked, kinds, of_all = set(), set(), set()
     for file in PACKAGE.rglob("*.py"):
         for node in nodes_of(file.read_text(encoding="utf-8")):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "render":
-                asked.add(tuple(ast.literal_eval(word) for word in node.args[:2]))
-    assert asked == set(RENDERERS)
+                kind, form = node.args[:2]
+                if isinstance(kind, ast.Constant):
+                    asked.add((kind.value, ast.literal_eval(form)))
+                else:
+                    of_all.add(ast.literal_eval(form))
+            elif isinstance(node, ast.AnnAssign) and getattr(node.target, "id", "") == "_kind":
+                kinds.update(() if node.value is None else (ast.literal_eval(node.value),))
+    assert of_all == {"text", "html", "report"}  # by lazy.Rendered
+    assert asked | {(kind, form) for kind in kinds for form in of_all} == set(RENDERERS)
 
 
 @pytest.mark.parametrize("home", RENDERERS.values())

@@ -156,7 +156,7 @@ def test_what_is_unexplained_and_too_small_to_matter_changes_no_headline(
     assert "Unexplained: " in str(small)
     for each, grave in ((made, True), (small, False)):
         each.report(tmp_path / "report.html")
-        assert ('class="verdict grave"' in (tmp_path / "report.html").read_text()) is grave
+        assert ('class="verdict critical"' in (tmp_path / "report.html").read_text()) is grave
     assert str(made).startswith("No effect that is known explains")
 
 

@@ -13,8 +13,6 @@ from flexspline.discovery.candidates import (
     CORE_PAIRS,
     _low,
     _of_facts,
-    _range,
-    _size,
     order_pools,
     scanned,
 )
@@ -22,6 +20,7 @@ from flexspline.discovery.search import _finite
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.logs.log import Log
+from flexspline.regression.candidate_model import _range, _size
 
 GEAR = {"gear_ratio": 100.0, "output_spline": "circular"}
 

@@ -19,15 +19,16 @@ import flexspline
 from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
-from flexspline.discovery.result import FORMED, LESSER, UNLIKELY, Discovery
+from flexspline.discovery.result import FORMED, LESSER, UNLIKELY, UNSETTLED, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
 from flexspline.effects.causes import LAG
+from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
-from flexspline.regression.candidate_model import HeldOut, fall_of, rmse_error
+from flexspline.regression.candidate_model import fall_of, rmse_error
 
 Array = NDArray[np.float64]
 
@@ -149,7 +150,7 @@ def test_an_exact_coefficient_is_significant() -> None:
 
 
 def shown(**more: Any) -> Shown:
-    usual = {"p": 0.0, "t": 10.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
+    usual = {"p": 0.0, "t": 10.0, "fall": 1.0, "error": 0.1, "share": 0.5, "without": 2.0}
     return Shown(effect("gravity"), **{**usual, **more})
 
 
@@ -178,7 +179,7 @@ class Made:
 
     def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
         self.names, self.given = names, given
-        self.searcher = SimpleNamespace(refused=refused)
+        self.searcher = SimpleNamespace(refused=refused, fitted=lambda effect: (effect, 0.0))
 
     @property
     def base(self) -> SimpleNamespace:
@@ -186,7 +187,8 @@ class Made:
 
     @property
     def final(self) -> SimpleNamespace:
-        return SimpleNamespace(named=[Effect(name) for name in self.names])
+        named = [Effect(name) for name in self.names]
+        return SimpleNamespace(named=named, with_effects=lambda effect: effect)
 
     @property
     def errors(self) -> list[float]:
@@ -202,21 +204,28 @@ def confirmed(
     each: dict[str, dict[str, float]],
     chance: tuple[str, ...] = (),
     rivals: Callable[[Any], Any] = lambda made: {name: [] for name in made.names},
-    steps: Callable[[Any], list[float]] = lambda made: [*range(len(made.names), -1, -1)],
+    steps: Callable[[Any], list[float]] = lambda made: [*range(len(made.names) + 1, 0, -1)],
     sure: Mapping[str, float] | None = None,
+    told: Callable[[Any], list[float]] | None = None,
+    beside: float = 0.5,
+    unsettled: Sequence[str] = (),
     **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
 
     `chance`: which of that lowers the held-out error by no more than chance. `steps`: held-out
-    errors of the base and with one name more each. `sure`: confidence in names; 1 in others.
+    errors of the base and with one name more each, by the search; `told`: by fits, if others.
+    `sure`: confidence in names; 1 in others. `beside`: held-out error of a small one beside all.
+    `unsettled`: names with which no fit settles.
     """
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
-        usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
+        usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "without": 2.0}
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
 
     def fit(final: Any) -> Any:
+        if any(effect.name in unsettled for effect in final.named):
+            raise UnsettledError("the load does not settle")
         return SimpleNamespace(generalised=False, confounded=())
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
@@ -227,6 +236,11 @@ def confirmed(
     }
     monkeypatch.setattr(confirmation, "_sure", lambda made, fit, name, own: of_names[name])
     monkeypatch.setattr(Made, "steps", steps, raising=False)
+
+    def told_steps(made: Any, *_: Any) -> SimpleNamespace:
+        return SimpleNamespace(rmse=told(made) if told else made.errors)
+
+    monkeypatch.setattr(confirmation, "_steps", told_steps)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
 
     def settled(made: Any, base: Sequence[str]) -> Any:
@@ -237,7 +251,12 @@ def confirmed(
     monkeypatch.setattr(confirmation, "_settled", settled)
     refused: dict[str, str] = {}
     made = Made([*each], ["offset", *idle], refused)
-    return confirmation.confirmed(made, fit, ["offset"]), refused  # type: ignore[arg-type]
+
+    def left_by(effect: Any) -> tuple[np.ndarray, ...]:
+        return (np.array([beside]),)
+
+    found = confirmation.confirmed(made, fit, left_by, ["offset"])  # type: ignore[arg-type]
+    return found, refused
 
 
 def test_names_that_fail_are_withdrawn_and_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,7 +282,11 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
     assert [*held.shown] == ["viscous_friction"]
     assert [one.effect for one in held.also_seen] == ["gravity"]
     assert held.also_seen[0].share_of_gap == little
+    assert (held.also_seen[0].rmse_before, held.also_seen[0].rmse_after) == (1.0, 0.5)
     assert refused == {"inertia": "too small to be seen held out"}
+    held, refused = confirmed(monkeypatch, each, beside=1.1)
+    assert not held.also_seen
+    assert refused == dict.fromkeys(("gravity", "inertia"), "too small to be seen held out")
 
 
 def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -341,6 +364,40 @@ def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyP
     assert not held.shown and set(refused.values()) == {"does not lower the held-out error"}
 
 
+def test_a_name_that_raises_the_error_of_fits_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search holds shapes on all folds; where a fit of each tells otherwise, its number counts.
+
+    What is printed is what `fit` says of the same model.
+    """
+    each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
+
+    def told(made: Any) -> list[float]:
+        return [2.0, 1.0, 1.5][: len(made.names) + 1]
+
+    held, refused = confirmed(monkeypatch, each, told=told)
+    assert [*held.shown] == ["viscous_friction"] and held.steps.rmse == [2.0, 1.0]
+    assert refused == {"gravity": "does not lower the held-out error"}
+
+
+@pytest.mark.parametrize(
+    ("raising", "left"),
+    [("load_dependent_friction", ["gravity", "viscous_friction"]), ("viscous_friction", None)],
+)
+def test_a_name_whose_load_does_not_settle_is_withdrawn(
+    monkeypatch: pytest.MonkeyPatch, raising: str, left: list[str] | None
+) -> None:
+    """Where no name reads the load, it is the base's, and the user's to mend."""
+    each: dict[str, dict[str, float]] = {"gravity": {}, raising: {}}
+    each = each if left is None else {**each, "viscous_friction": {}}
+    unsettled = [raising]
+    if left is None:
+        with pytest.raises(UnsettledError, match="does not settle"):
+            confirmed(monkeypatch, each, unsettled=unsettled)
+        return
+    held, refused = confirmed(monkeypatch, each, unsettled=unsettled)
+    assert [*held.shown] == left and refused == {raising: UNSETTLED}
+
+
 def test_names_that_lower_it_together_stay_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of two raises the error alone; both are lost where one of them is left out."""
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
@@ -384,17 +441,15 @@ def test_the_error_of_an_rmse_counts_the_memory_of_what_is_left() -> None:
     for _ in range(200):
         left = tuple(lfilter([1.0], [1.0, -0.9], rng.normal(size=4000)) for _ in range(2))
         left[0][:7] = np.nan
-        held = SimpleNamespace(residuals=left, problem=SimpleNamespace(block_rows=200))
         found.append(float(np.sqrt(np.nanmean(np.concatenate(left) ** 2))))
-        errors.append(rmse_error(cast(HeldOut, held)))
+        errors.append(rmse_error(left, 200))
     assert np.mean(errors) == pytest.approx(np.std(found), rel=0.15)
     white = found[0] / np.sqrt(2 * 8000)
     assert errors[0] > 2.0 * white
 
 
 def test_one_block_tells_no_error_of_an_rmse() -> None:
-    held = SimpleNamespace(residuals=(np.ones(10),), problem=SimpleNamespace(block_rows=100))
-    assert np.isnan(rmse_error(cast(HeldOut, held)))
+    assert np.isnan(rmse_error((np.ones(10),), 100))
 
 
 def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.discovery.physics import driving_spring, impossible, one_signed, spring_bounds
+from flexspline.discovery.physics import (
+    driving_spring,
+    falling_power,
+    held_powers,
+    impossible,
+    one_signed,
+    spring_bounds,
+)
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 from flexspline.regression.candidate_model import working
@@ -114,6 +121,29 @@ def test_friction_that_falls_from_rest_is_no_bend_of_viscous_friction(
     values = np.array([1.0, viscosity, quadratic, 0.0])
     made = replace(working(effects, 2, {}), coefficients=values)
     assert ("fall as the speed rises" in impossible(made, names[2], problem)) is refused
+
+
+@pytest.mark.parametrize(
+    ("level", "quadratic", "cubic", "power"),
+    [(1.0, -2.0, 1.0, "quadratic"), (1.0, 2.0, -2.5, "cubic"), (-1.0, 2.0, -1.0, "quadratic"),
+     (1.0, -0.2, 0.1, "")],
+)  # fmt: skip
+def test_the_power_by_which_friction_would_fall_is_held_and_the_last_one_is_not(
+    level: float, quadratic: float, cubic: float, power: str
+) -> None:
+    log = swinging(sensor_torque=np.sin(np.arange(2000.0)))
+    names = ("coulomb_friction", "viscous_friction", "nonlinear_viscous_friction")
+    effects = [flexspline.effect(name) for name in names]
+    problem = problem_of([log], effects, "sensor_torque", known_load=None, lowpass_hz=None,
+                         threads=1)  # fmt: skip
+    values = np.array([level, 0.1 * level, quadratic, cubic])
+    made = replace(working(effects, 2, {}), coefficients=values)
+    found = falling_power(made, problem)
+    assert found == (f"{names[2]}.{power}" if power else "")
+    assert held_powers(made) == {}
+    if power:
+        held = made.holding(found, 0.0)
+        assert falling_power(held, problem) == "" and held_powers(held) == {found: 0.0}
 
 
 @pytest.mark.parametrize(

@@ -35,9 +35,9 @@ FOLDER = tempfile.TemporaryDirectory()
 
 def wrong(recorder: Recorder, guess: Guess) -> tuple[list[str], list[str]]:
     """What a guess says wrongly and does not doubt; and what it lacks or doubts wrongly."""
-    silent, missed = [], []
+    silent, missed, file = [], [], recorder.file()
     log = guess.log()
-    for channel, truth in recorder.truth.items():
+    for channel, truth in file.truth.items():
         made = channel in guess.channels or (channel == "time" and "rate" in guess.read)
         if made and apart(recorder, channel, log[channel], truth):
             (missed if guess.doubts.get(channel) else silent).append(channel)
@@ -45,12 +45,12 @@ def wrong(recorder: Recorder, guess: Guess) -> tuple[list[str], list[str]]:
             missed.append(channel)
     for channel in guess.channels:
         sure = not guess.doubts.get(channel)
-        if channel not in recorder.truth and channel != "enabled" and sure:
+        if channel not in file.truth and channel != "enabled" and sure:
             silent.append(f"{channel}, which is not there")
     for fact in ("gear_ratio", "output_spline"):
-        if fact in recorder.facts and guess.facts.get(fact) != recorder.facts[fact]:
+        if fact in file.facts and guess.facts.get(fact) != file.facts[fact]:
             missed.append(fact)
-    return silent, [name for name in missed if name not in recorder.ambiguous]
+    return silent, [name for name in missed if name not in file.ambiguous]
 
 
 def apart(recorder: Recorder, channel: str, got: np.ndarray, truth: np.ndarray) -> bool:
@@ -60,10 +60,10 @@ def apart(recorder: Recorder, channel: str, got: np.ndarray, truth: np.ndarray) 
     if channel == "time":
         got, truth = got - got[0], truth - truth[0]
     there = np.isfinite(got) & np.isfinite(truth)
-    left = got[there] - truth[there]
-    if channel in recorder.wraps:
-        left -= recorder.wraps[channel] * np.rint(left / recorder.wraps[channel])
-    step = float(np.median(np.diff(truth))) if channel == "time" else recorder.steps.get(channel, 0)
+    left, made = got[there] - truth[there], recorder.file()
+    if channel in made.wraps:
+        left -= made.wraps[channel] * np.rint(left / made.wraps[channel])
+    step = float(np.median(np.diff(truth))) if channel == "time" else made.steps.get(channel, 0)
     return float(np.sqrt(np.mean(left**2))) > WITHIN * np.std(truth[there]) + step
 
 

@@ -11,7 +11,6 @@ from hidden_logs import (
     BASE,
     LOAD,
     RATIO,
-    SEEDS,
     Array,
     Channels,
     Truth,
@@ -23,6 +22,7 @@ from hidden_logs import (
     friction_of,
     gains_nothing,
     log_of,
+    of_each_seed,
     presliding,
     torque_hiding,
 )
@@ -45,15 +45,12 @@ HIDDEN: dict[str, Truth] = {
 }
 
 
-@cache
-def runs(name: str) -> tuple[Log, ...]:
-    """Runs that hide an effect; "" hides none."""
-    logs = []
-    for seed in SEEDS:
-        c, torque = torque_hiding(HIDDEN.get(name), seed)
-        c["motor_torque"] = torque / RATIO
-        logs.append(log_of(c))
-    return tuple(logs)
+@of_each_seed
+def runs(name: str, seed: int) -> Log:
+    """A run that hides an effect; "" hides none."""
+    c, torque = torque_hiding(HIDDEN.get(name), seed)
+    c["motor_torque"] = torque / RATIO
+    return log_of(c)
 
 
 @cache

@@ -26,6 +26,7 @@ from hidden_logs import (
     gains_nothing,
     log_of,
     noise,
+    of_each_seed,
     presliding,
     rich_run,
     torque_hiding,
@@ -91,15 +92,12 @@ HIDDEN: dict[str, Truth] = {
 }
 
 
-@cache
-def runs(name: str) -> tuple[Log, ...]:
-    """Runs that hide an effect; "" hides none."""
-    logs = []
-    for seed in SEEDS:
-        speed = 0.4 if name == "speed_dependent_ripple" else 2.0
-        c, torque = torque_hiding(HIDDEN.get(name), seed, speed)
-        logs.append(log_of(c, sensor_torque=torque))
-    return tuple(logs)
+@of_each_seed
+def runs(name: str, seed: int) -> Log:
+    """A run that hides an effect; "" hides none."""
+    speed = 0.4 if name == "speed_dependent_ripple" else 2.0
+    c, torque = torque_hiding(HIDDEN.get(name), seed, speed)
+    return log_of(c, sensor_torque=torque)
 
 
 def base_of(name: str) -> list[object]:

@@ -6,7 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hidden_logs import SEEDS, Array, Channels, Truth, closes_the_gap, floor_of, gains_nothing
+from hidden_logs import (
+    Array,
+    Channels,
+    Truth,
+    closes_the_gap,
+    floor_of,
+    gains_nothing,
+    of_each_seed,
+)
 from torsion_logs import C_M, K_M0, LOAD, RATIO, log_of, noise, stiffness_run
 
 import flexspline
@@ -42,18 +50,15 @@ HIDDEN: dict[str, Truth] = {
 }
 
 
-@cache
-def runs(name: str) -> tuple[Log, ...]:
-    """Runs that hide an effect; "" hides none."""
-    logs = []
-    for seed in SEEDS:
-        c = stiffness_run(seed)
-        c["temperature"] = 20.0 + 10.0 * -np.expm1(-c["time"] / 10.0)
-        torsion = 0.02 + mesh(c) + noise(seed, len(c["time"]))
-        if name:
-            torsion = torsion + HIDDEN[name](c)
-        logs.append(log_of(c, torsion, f"run {seed}"))
-    return tuple(logs)
+@of_each_seed
+def runs(name: str, seed: int) -> Log:
+    """A run that hides an effect; "" hides none."""
+    c = stiffness_run(seed)
+    c["temperature"] = 20.0 + 10.0 * -np.expm1(-c["time"] / 10.0)
+    torsion = 0.02 + mesh(c) + noise(seed, len(c["time"]))
+    if name:
+        torsion = torsion + HIDDEN[name](c)
+    return log_of(c, torsion, f"run {seed}")
 
 
 def fitted(effects: list[object], name: str) -> Fit:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
-from mujoco_plugins import Loaded
+from mujoco_plugins import Loaded, rotor
 from numpy.typing import NDArray
 from torsion_logs import truth
 
@@ -46,10 +46,7 @@ ARM = f"""
     </plugin>
   </extension>
   <worldbody>
-    <body>
-      <inertial pos="0 0 0" mass="0.001" diaginertia="1e-9 1e-9 1e-9"/>
-      <joint name="motor" type="hinge" axis="0 1 0" armature="{MOTOR}"/>
-    </body>
+    {rotor("motor", MOTOR)}
     <body>
       <inertial pos="0 0 0" mass="1" diaginertia="{LINK} {LINK} {LINK}"/>
       <joint name="link" type="hinge" axis="0 1 0"/>

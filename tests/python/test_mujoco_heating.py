@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mujoco_plugins import Loaded
+from mujoco_plugins import Loaded, rotor
 from numpy.typing import NDArray
 
 from flexspline.effects import effect
@@ -39,10 +39,7 @@ ARM = f"""
     </plugin>
   </extension>
   <worldbody>
-    <body>
-      <inertial pos="0 0 0" mass="0.001" diaginertia="1e-9 1e-9 1e-9"/>
-      <joint name="j" type="hinge" axis="0 1 0" armature="0.2"/>
-    </body>
+    {rotor("j", 0.2)}
   </worldbody>
   <actuator><motor joint="j"/></actuator>
 </mujoco>"""

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.writing import write_log
-from flexspline.orders import find_orders, order_spectrum, pairs, time_spectrum
+from flexspline.orders import Vibration, find_orders, order_spectrum, pairs, time_spectrum
 from flexspline.orders.scan import Share, combined, scattered
 from flexspline.orders.spectrum import fourier_sums
 
@@ -203,6 +203,12 @@ def humming(log: Log, hertz: float, size: float, seed: int = 0) -> Log:
     return log.with_columns({"sensor_torque": log["sensor_torque"] + hum}, note="it hums")
 
 
+def assert_hums(hum: Vibration, hertz: float, size: float) -> None:
+    """To a tenth of what can be resolved, and to four standard errors."""
+    assert hum.frequency == pytest.approx(hertz, abs=0.1 * hum.resolution)
+    assert hum.amplitude == pytest.approx(size, abs=4 * hum.error)
+
+
 def hummed(size: float) -> list[Log]:
     """Runs at several speeds with order 200, 0.1 Nm, and a vibration at 50 Hz."""
     runs = [turning(turns, 6000, {200.0: 0.1}, seed=i) for i, turns in enumerate(SPEEDS)]
@@ -217,8 +223,7 @@ def test_a_vibration_that_stays_at_one_frequency_is_told_from_orders_by_several_
     found = find_orders(logs, "sensor_torque", vibrations=True)
     assert per_turn(found) == [200] and np.isnan(found.found[0].alone)
     (hum,) = found.vibrations
-    assert hum.frequency == pytest.approx(50.0, abs=0.1 * hum.resolution)
-    assert hum.amplitude == pytest.approx(size, abs=4 * hum.error)
+    assert_hums(hum, 50.0, size)
     assert hum.resolution == pytest.approx(1 / 6.0, rel=0.1)
     assert (hum.seen, hum.of) == (4, 4)
     assert "\n         50.00  " in str(found) and "frequency [Hz]" in found._repr_html_()
@@ -265,8 +270,7 @@ def test_a_speed_that_changes_within_a_run_tells_a_vibration_from_an_order() -> 
     found = find_orders(humming(log, 40.0, 0.2), "sensor_torque", vibrations=True)
     assert per_turn(found) == [100]
     (hum,) = found.vibrations
-    assert hum.frequency == pytest.approx(40.0, abs=0.1 * hum.resolution)
-    assert hum.amplitude == pytest.approx(0.2, abs=4 * hum.error)
+    assert_hums(hum, 40.0, 0.2)
 
 
 def test_a_vibration_of_a_run_that_goes_to_and_fro_is_one_line() -> None:
@@ -280,8 +284,7 @@ def test_a_vibration_of_a_run_that_goes_to_and_fro_is_one_line() -> None:
     found = find_orders(humming(log, 50.0, 0.05), "sensor_torque", vibrations=True)
     assert per_turn(found) == [200]
     (hum,) = found.vibrations
-    assert hum.frequency == pytest.approx(50.0, abs=0.1 * hum.resolution)
-    assert hum.amplitude == pytest.approx(0.05, abs=4 * hum.error)
+    assert_hums(hum, 50.0, 0.05)
 
 
 def test_runs_without_a_vibration_have_the_orders_that_they_have_without_looking() -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 import struct
-import sys
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -348,9 +347,8 @@ def test_a_block_packed_by_a_method_without_bound_is_refused(tmp_path: Path) -> 
 
 
 def test_without_the_library_the_command_that_installs_it_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, lacking: Callable[[str], None]
 ) -> None:
     path = both(tmp_path / "a.mf4")
-    for module in [m for m in sys.modules if m == "asammdf" or m.startswith("asammdf.")]:
-        monkeypatch.setitem(sys.modules, module, None)
+    lacking("asammdf")
     assert refused(path).endswith("pip install 'flexspline[mdf]'")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -217,10 +216,8 @@ def test_a_channel_beyond_the_limit_of_memory_is_refused(tmp_path: Path) -> None
 
 
 def test_without_the_library_the_command_that_installs_it_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, lacking: Callable[[str], None]
 ) -> None:
     path = both(tmp_path / "a.tdms")
-    for module in [m for m in sys.modules if m == "nptdms" or m.startswith("nptdms.")]:
-        monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setitem(sys.modules, "nptdms", None)
+    lacking("nptdms")
     assert refused(path).endswith("pip install 'flexspline[tdms]'")

@@ -54,39 +54,40 @@ def test_half_of_the_recorders_have_a_documented_form() -> None:
 
 
 def test_a_truth_has_time_and_two_more_channels_of_one_length(recorder: Recorder) -> None:
-    truth = recorder.truth
+    made = recorder.file()
+    truth = made.truth
     assert {"time", *truth} <= set(CHANNELS)
     assert len(truth) >= 3
     rows = truth["time"].size
     assert 2000 <= rows <= 6000 or recorder.name == "payload_rig"
     assert {values.shape for values in truth.values()} == {(rows,)}
-    assert set(recorder.steps) == set(truth)
+    assert set(made.steps) == set(truth)
 
 
 def test_time_starts_at_zero_and_increases(recorder: Recorder) -> None:
-    time = recorder.truth["time"]
+    time = recorder.file().truth["time"]
     assert time[0] == 0.0
     assert np.all(np.diff(time) > 0.0)
 
 
 def test_what_is_ambiguous_or_wraps_is_a_channel_or_a_fact(recorder: Recorder) -> None:
-    assert set(recorder.ambiguous) <= {*CHANNELS, *recorder.facts, "gear_ratio"}
-    assert set(recorder.wraps) <= set(recorder.truth)
+    made = recorder.file()
+    assert set(made.ambiguous) <= {*CHANNELS, *made.facts, "gear_ratio"}
+    assert set(made.wraps) <= set(made.truth)
 
 
 def test_a_gear_ratio_is_a_fact_where_the_truth_shows_it(recorder: Recorder) -> None:
     """To 2 ‰ by angles, as the gear twists by 18 Nm in 12 kNm/rad; to 1 % by speeds."""
-    truth = recorder.truth
-    told = recorder.facts.get("gear_ratio")
+    made = recorder.file()
+    truth = made.truth
+    told = made.facts.get("gear_ratio")
     if "motor_position" in truth and "output_position" in truth:
         output, motor = truth["output_position"], truth["motor_position"]
         there = ~np.isnan(output)
         output = np.interp(truth["time"], truth["time"][there], output[there])
         there = ~np.isnan(motor)
         slope = np.polyfit(output[there], motor[there], 1)[0]
-        assert (
-            slope == pytest.approx(told, rel=2e-3) if told else "gear_ratio" in recorder.ambiguous
-        )
+        assert slope == pytest.approx(told, rel=2e-3) if told else "gear_ratio" in made.ambiguous
     elif told is not None and "output_position" in truth:
         speed = np.gradient(truth["output_position"], truth["time"])
         slope = np.dot(speed, truth["motor_velocity"]) / np.dot(speed, speed)
@@ -956,10 +957,11 @@ def test_a_file_opened_by_hand_gives_the_truth(
 ) -> None:
     """To half the step of the file; times to three halves, as the first row is rounded too."""
     recorder = BY_NAME[read.__name__]
+    made = recorder.file()
     got = read(recorder.write(tmp_path))
-    assert set(got) == set(recorder.truth)
+    assert set(got) == set(made.truth)
     for channel, values in got.items():
         halves = 3.0 if channel == "time" else 1.0
-        room = 1e-9 * float(np.nanmax(np.abs(recorder.truth[channel])))
-        limit = 0.5 * halves * recorder.steps[channel] * (1.0 + 1e-6) + room
+        room = 1e-9 * float(np.nanmax(np.abs(made.truth[channel])))
+        limit = 0.5 * halves * made.steps[channel] * (1.0 + 1e-6) + room
         assert recorder.gap(channel, values) <= limit, channel

@@ -55,6 +55,11 @@ def test_viscous_friction_is_named_alone_and_with_its_size(
     level = levels["direction_dependent_friction.level"]  # half of Coulomb friction's difference
     assert abs(level.value - DIFFERENCE / 2.0) < 4.0 * level.standard_error
     assert found.final_rmse < 0.038
+    assert found.final_rmse == found.found[0].rmse_after == found.fit.cv_rmse
+    if not lowpass:  # both leave rows out, and a search more: at ends of runs
+        model = found.base_effects, logs
+        alone = flexspline.fit(*model, target="sensor_torque", known_load=LOAD)
+        assert found.base_rmse == pytest.approx(alone.cv_rmse, rel=5e-3)
 
 
 def test_a_load_cell_that_is_a_row_late_is_a_fault_and_hides_nothing(data_folder: Path) -> None:

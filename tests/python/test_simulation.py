@@ -10,41 +10,31 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexspline import _core
+from flexspline import simulation as sim
 from flexspline.errors import InputError
-from flexspline.simulation import (
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Output,
-    SlipElement,
-    Start,
-    Thermal,
-)
 
 Array = NDArray[np.float64]
 
-MESH = Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487)
+MESH = sim.Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487)
 C1 = replace(MESH, wave_generator_stiffness=21.9931, wave_generator_shape=3.125)  # Table III
 ERROR = (
-    Harmonic(2, 3.0e-3, 0.4, "output_on_housing"),
-    Harmonic(1, 2.0e-3, 1.4, "wave_generator_on_circular_spline"),
+    sim.Harmonic(2, 3.0e-3, 0.4, "output_on_housing"),
+    sim.Harmonic(1, 2.0e-3, 1.4, "wave_generator_on_circular_spline"),
 )
-ROTOR = Motor(inertia=1e-4)
+ROTOR = sim.Motor(inertia=1e-4)
 
 
 @pytest.mark.parametrize(
     "gear",
-    [Gear(100, mesh_stiffness=15548.0), C1, replace(MESH, kinematic_error=ERROR)],
+    [sim.Gear(100, mesh_stiffness=15548.0), C1, replace(MESH, kinematic_error=ERROR)],
     ids=["linear", "lost motion", "kinematic error"],
 )
-def test_energy_does_not_drift_over_a_hundred_thousand_periods(gear: Gear) -> None:
-    joint = Joint(gear, ROTOR, Output(inertia=0.5))
+def test_energy_does_not_drift_over_a_hundred_thousand_periods(gear: sim.Gear) -> None:
+    joint = sim.Joint(gear, ROTOR, sim.Output(inertia=0.5))
     frequency, _ = _core.simulation_rates(joint.core, 0.0)
     time = np.linspace(0.0, 1e5 * 2 * np.pi / frequency, 3989)  # rows at all phases of a period
     steps = int(np.ceil((time[1] - time[0]) * frequency / 0.25))
-    run = joint.simulate(time, start=Start(motor_position=0.1), steps_per_sample=steps)
+    run = joint.simulate(time, start=sim.Start(motor_position=0.1), steps_per_sample=steps)
     change = run.energy / run.energy[0] - 1.0
     # it swings by O((ω h)⁴) within a period; what is left after means of half a run is drift
     assert np.max(np.abs(change)) < 1e-4
@@ -53,7 +43,7 @@ def test_energy_does_not_drift_over_a_hundred_thousand_periods(gear: Gear) -> No
 
 
 def test_the_spring_and_its_inverse_agree_with_the_papers_formulas() -> None:
-    joint = Joint(C1, ROTOR)
+    joint = sim.Joint(C1, ROTOR)
     torque = np.array([-150.0, -20.0, -1e-3, 0.0, 1e-9, 0.3, 7.0, 60.0, 300.0])
     mesh = 101 * np.arctan(0.0487 * torque) / (0.0487 * 15548.0)
     at_motor = torque / 101
@@ -68,18 +58,18 @@ def test_the_spring_and_its_inverse_agree_with_the_papers_formulas() -> None:
 @pytest.mark.parametrize(
     ("gear", "shape"),
     [
-        (Gear(100, mesh_stiffness=15548.0), {"wave_generator_shape": 3.125}),
+        (sim.Gear(100, mesh_stiffness=15548.0), {"wave_generator_shape": 3.125}),
         (MESH, {"wave_generator_shape": 3.125}),
-        (Gear(100, wave_generator_stiffness=22.0), {"mesh_shape": 0.0487}),
+        (sim.Gear(100, wave_generator_stiffness=22.0), {"mesh_shape": 0.0487}),
     ],
     ids=["linear mesh", "mesh", "linear wave generator"],
 )
 def test_a_rigid_part_of_the_gear_makes_no_difference_by_its_shape(
-    gear: Gear, shape: dict[str, float]
+    gear: sim.Gear, shape: dict[str, float]
 ) -> None:
     time = np.linspace(0.0, 0.2, 51)
     plain, shaped = (
-        Joint(g, ROTOR, Output(inertia=0.5)).simulate(time, motor_torque=0.3)
+        sim.Joint(g, ROTOR, sim.Output(inertia=0.5)).simulate(time, motor_torque=0.3)
         for g in (gear, replace(gear, **shape))
     )
     assert np.max(np.abs(plain["transmitted_torque"])) > 1.0
@@ -89,12 +79,12 @@ def test_a_rigid_part_of_the_gear_makes_no_difference_by_its_shape(
 
 def test_beyond_its_pole_the_spring_has_an_infinite_torque() -> None:
     pole = 101 * np.pi / 2 / (0.0487 * 15548.0) + 1 / (3.125 * 21.9931)
-    torque = Joint(C1, ROTOR).transmitted_torque([0.999 * pole, 1.001 * pole])
+    torque = sim.Joint(C1, ROTOR).transmitted_torque([0.999 * pole, 1.001 * pole])
     assert np.isfinite(torque[0]) and np.isinf(torque[1])
 
 
 def test_torsion_is_negative_where_the_joint_pushes_outward() -> None:
-    joint = Joint(C1, replace(ROTOR, friction=Friction.both_ways(2.0)))
+    joint = sim.Joint(C1, replace(ROTOR, friction=sim.Friction.both_ways(2.0)))
     run = joint.simulate(np.linspace(0, 1, 101), load_torque=30.0)  # the stuck rotor carries it
     assert np.all(run["motor_stuck"] == 1.0)
     assert run["transmitted_torque"][-1] == pytest.approx(30.0, rel=1e-9)
@@ -103,7 +93,7 @@ def test_torsion_is_negative_where_the_joint_pushes_outward() -> None:
 
 
 def test_a_rigid_gear_moves_as_one_mass() -> None:
-    joint = Joint(Gear(100), Motor(inertia=1e-4), Output(inertia=0.5))
+    joint = sim.Joint(sim.Gear(100), sim.Motor(inertia=1e-4), sim.Output(inertia=0.5))
     time = np.linspace(0, 1, 11)
     run = joint.simulate(time, motor_torque=0.1, load_torque=4.0)
     acceleration = (101 * 0.1 - 4.0) / (0.5 + 101**2 * 1e-4)
@@ -114,10 +104,10 @@ def test_a_rigid_gear_moves_as_one_mass() -> None:
 
 def test_load_friction_of_a_rigid_gear_counts_the_torque_that_it_transmits() -> None:
     share, inertia, total = 0.2, 0.5, 0.5 + 101**2 * 1e-4
-    joint = Joint(
-        Gear(100),
-        Motor(inertia=1e-4),
-        Output(inertia=inertia, friction=Friction.both_ways(0.0, load=share)),
+    joint = sim.Joint(
+        sim.Gear(100),
+        sim.Motor(inertia=1e-4),
+        sim.Output(inertia=inertia, friction=sim.Friction.both_ways(0.0, load=share)),
     )
     for load in (4.0, -4.0, 0.0):
         run = joint.simulate([0.0, 0.1], motor_torque=0.3, load_torque=load)
@@ -127,21 +117,21 @@ def test_load_friction_of_a_rigid_gear_counts_the_torque_that_it_transmits() -> 
 
 
 def test_heat_and_energy_balance_where_everything_acts() -> None:
-    friction = Friction(3.0, 2.0, 0.04, 0.06, 1.0, 0.1, viscous=4.0, quadratic=-1.0, cubic=0.5)
-    joint = Joint(
-        replace(C1, damping=5.0, kinematic_error=ERROR, hysteresis=[SlipElement(900.0, 0.8)]),
-        Motor(
+    friction = sim.Friction(3.0, 2.0, 0.04, 0.06, 1.0, 0.1, viscous=4.0, quadratic=-1.0, cubic=0.5)
+    joint = sim.Joint(
+        replace(C1, damping=5.0, kinematic_error=ERROR, hysteresis=[sim.SlipElement(900.0, 0.8)]),
+        sim.Motor(
             inertia=1e-4,
             friction=friction.at_motor(101),
-            cogging=[Harmonic(12, 0.004, 0.3, "motor_on_stator")],
+            cogging=[sim.Harmonic(12, 0.004, 0.3, "motor_on_stator")],
         ),
-        Output(
+        sim.Output(
             inertia=0.5,
             gravity=10.0,
             friction=friction,
-            ripple=[Harmonic(3, 0.2)],
-            friction_ripple=[Harmonic(2, 0.3)],
-            presliding=[SlipElement(2000.0, 0.5)],
+            ripple=[sim.Harmonic(3, 0.2)],
+            friction_ripple=[sim.Harmonic(2, 0.3)],
+            presliding=[sim.SlipElement(2000.0, 0.5)],
         ),
     )
     time = np.linspace(0, 4, 4001)
@@ -161,17 +151,17 @@ def test_heat_and_energy_balance_where_everything_acts() -> None:
 
 
 def test_temperatures_settle_where_heat_in_is_heat_out() -> None:
-    thermal = Thermal(5.0, 20.0, motor_to_body=1.5, motor_to_room=0.5, body_to_room=1.0)
-    joint = Joint(
-        Gear(100),
-        Motor(
+    thermal = sim.Thermal(5.0, 20.0, motor_to_body=1.5, motor_to_room=0.5, body_to_room=1.0)
+    joint = sim.Joint(
+        sim.Gear(100),
+        sim.Motor(
             inertia=1e-4,
-            friction=Friction.both_ways(0.05),
+            friction=sim.Friction.both_ways(0.05),
             torque_constant=0.1,
             resistance=0.5,
             brake=1.0,
         ),
-        Output(inertia=0.5, friction=Friction(viscous=20.0)),
+        sim.Output(inertia=0.5, friction=sim.Friction(viscous=20.0)),
         thermal=thermal,
     )
     time = np.linspace(0, 300, 30001)
@@ -188,11 +178,11 @@ def test_temperatures_settle_where_heat_in_is_heat_out() -> None:
 
 
 def test_a_run_cut_in_two_has_the_same_bits() -> None:
-    friction = Friction.both_ways(3.0, stribeck=1.0, viscous=4.0, load=0.05)
-    joint = Joint(
-        replace(C1, hysteresis=[SlipElement(900.0, 0.8)]),
-        Motor(inertia=1e-4, friction=friction.at_motor(101)),
-        Output(inertia=0.5, gravity=10.0, friction=friction),
+    friction = sim.Friction.both_ways(3.0, stribeck=1.0, viscous=4.0, load=0.05)
+    joint = sim.Joint(
+        replace(C1, hysteresis=[sim.SlipElement(900.0, 0.8)]),
+        sim.Motor(inertia=1e-4, friction=friction.at_motor(101)),
+        sim.Output(inertia=0.5, gravity=10.0, friction=friction),
     )
     time = np.arange(2001) / 1024.0
     torque = 0.4 * np.sin(3 * time)
@@ -206,13 +196,13 @@ def test_a_run_cut_in_two_has_the_same_bits() -> None:
 
 
 def test_a_step_that_cannot_be_stable_is_refused() -> None:
-    joint = Joint(MESH, Motor(inertia=1e-6), Output(inertia=0.5))
+    joint = sim.Joint(MESH, sim.Motor(inertia=1e-6), sim.Output(inertia=0.5))
     with pytest.raises(InputError, match=r"1 steps per sample of 0\.01 s cannot be stable"):
         joint.simulate([0.0, 0.01], steps_per_sample=1)
 
 
 def test_a_gear_that_stiffens_under_torque_is_noticed_in_the_run() -> None:
-    joint = Joint(MESH, ROTOR, Output(inertia=0.5, gravity=0.0))
+    joint = sim.Joint(MESH, ROTOR, sim.Output(inertia=0.5, gravity=0.0))
     time = np.linspace(0, 0.2, 21)
     with pytest.raises(InputError, match=r"so stiff under its torque|wound up to the end"):
         joint.simulate(time, motor_torque=3.0, load_torque=300.0, steps_per_sample=1)
@@ -225,20 +215,20 @@ def test_a_gear_that_stiffens_under_torque_is_noticed_in_the_run() -> None:
 
 
 def test_a_motion_without_bound_ends_with_a_sentence() -> None:
-    joint = Joint(Gear(100), ROTOR, Output(friction=Friction(cubic=-50.0)))
+    joint = sim.Joint(sim.Gear(100), ROTOR, sim.Output(friction=sim.Friction(cubic=-50.0)))
     with pytest.raises(InputError, match="the motion grows without bound"):
         joint.simulate(np.linspace(0, 50, 501), motor_torque=1.0)
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.5, -1.3])
 def test_friction_given_at_the_output_brakes_as_much_from_the_motor(speed: float) -> None:
-    def torque(f: Friction, v: float) -> float:
+    def torque(f: sim.Friction, v: float) -> float:
         level = f.coulomb_forward if v > 0.0 else f.coulomb_backward
         slow = f.stribeck * np.exp(-((v / f.stribeck_velocity) ** 2))
         smooth = f.viscous * v + f.quadratic * v * abs(v) + f.cubic * v**3
         return float(np.sign(v) * (level + slow) + smooth)
 
     ratio = 51.0
-    own = Friction(3.0, 2.5, stribeck=1.0, viscous=4.0, quadratic=0.7, cubic=0.3)
+    own = sim.Friction(3.0, 2.5, stribeck=1.0, viscous=4.0, quadratic=0.7, cubic=0.3)
     there = own.at_motor(ratio)
     assert ratio * torque(there, ratio * speed) == pytest.approx(torque(own, speed))

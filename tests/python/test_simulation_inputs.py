@@ -8,32 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexspline import simulation as sim
 from flexspline.errors import InputError
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Obstacle,
-    Output,
-    Servo,
-    SlipElement,
-    Start,
-    Stop,
-    Thermal,
-    TorqueSensor,
-)
 
-FRICTION = Friction.both_ways(2.0, viscous=3.0)
-JOINT = Joint(
-    Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487, damping=5.0),
-    Motor(inertia=1e-4, friction=FRICTION.at_motor(101), brake=1.0),
-    Output(inertia=0.5, link_inertia=0.4, gravity=5.0, friction=Friction.both_ways(0.3)),
+FRICTION = sim.Friction.both_ways(2.0, viscous=3.0)
+JOINT = sim.Joint(
+    sim.Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487, damping=5.0),
+    sim.Motor(inertia=1e-4, friction=FRICTION.at_motor(101), brake=1.0),
+    sim.Output(inertia=0.5, link_inertia=0.4, gravity=5.0, friction=sim.Friction.both_ways(0.3)),
 )
-SERVO = Servo(position_gain=20.0, velocity_gain=0.03, integral_gain=0.3, torque_limit=2.0)
+SERVO = sim.Servo(position_gain=20.0, velocity_gain=0.03, integral_gain=0.3, torque_limit=2.0)
 TIME = np.arange(4001) / 1000.0
 
 
@@ -44,7 +28,7 @@ def test_a_servo_with_integral_ends_on_its_command() -> None:
 
 
 def test_a_servo_reads_the_motor_of_a_rigid_gear() -> None:
-    rigid = replace(JOINT, gear=Gear(100), output=Output(inertia=0.5, gravity=5.0))
+    rigid = replace(JOINT, gear=sim.Gear(100), output=sim.Output(inertia=0.5, gravity=5.0))
     run = rigid.simulate(TIME, servo=SERVO, position_command=np.full(len(TIME), 0.3))
     assert run["output_position"][-1] == pytest.approx(0.3, abs=1e-3)
 
@@ -73,11 +57,11 @@ def test_a_coarse_encoder_makes_the_servo_restless() -> None:
 
 
 def test_a_stop_at_the_contact_lowers_its_peak() -> None:
-    joint = replace(JOINT, obstacle=Obstacle(0.5, 2e3, 0.2))
+    joint = replace(JOINT, obstacle=sim.Obstacle(0.5, 2e3, 0.2))
     told: dict[str, Any] = {"position_command": np.minimum(0.6 * TIME, 1.2), "servo": SERVO}
     peaks = {"none": joint.simulate(TIME, **told)["contact_torque"].max()}
     for reaction in ("release", "brake", "hold"):
-        stop = Stop(threshold=20.0, delay=2e-3, reaction=reaction)
+        stop = sim.Stop(threshold=20.0, delay=2e-3, reaction=reaction)
         run = joint.simulate(TIME, stop=stop, **told)
         first = int(np.flatnonzero(run["stopped"])[0])
         alarm = int(np.flatnonzero(np.abs(run["link_torque"]) > 20.0)[0])
@@ -91,14 +75,14 @@ def test_a_stop_at_the_contact_lowers_its_peak() -> None:
 def test_a_stop_in_time_changes_nothing_before_it() -> None:
     told: dict[str, Any] = {"position_command": 0.4 * TIME, "servo": SERVO}
     free = JOINT.simulate(TIME, steps_per_sample=4, **told)
-    stopped = JOINT.simulate(TIME, steps_per_sample=4, stop=Stop(2.0, reaction="brake"), **told)
+    stopped = JOINT.simulate(TIME, steps_per_sample=4, stop=sim.Stop(2.0, reaction="brake"), **told)
     np.testing.assert_array_equal(free["motor_position"][:2001], stopped["motor_position"][:2001])
     assert np.all(stopped["motor_stuck"][-500:] == 1.0)
 
 
 def test_encoders_read_what_their_bits_leave_late_and_with_eccentricity() -> None:
     run = JOINT.simulate(TIME, servo=SERVO, velocity_command=0.5, position_command=0.5 * TIME)
-    encoder = Encoder(18, (Harmonic(1, 1e-3, 0.5),), delay=5e-3)
+    encoder = sim.Encoder(18, (sim.Harmonic(1, 1e-3, 0.5),), delay=5e-3)
     log = run.log(output_encoder=encoder)
     q = np.interp(TIME - 5e-3, TIME, run["output_position"])
     seen = q + 1e-3 * np.cos(q + 0.5)
@@ -110,18 +94,20 @@ def test_encoders_read_what_their_bits_leave_late_and_with_eccentricity() -> Non
 
 
 def test_a_sensor_is_gain_offset_ripple_drift_and_lag_of_the_torque_at_its_place() -> None:
-    thermal = Thermal(body_capacity=20.0, body_to_room=0.5)
+    thermal = sim.Thermal(body_capacity=20.0, body_to_room=0.5)
     run = replace(JOINT, thermal=thermal).simulate(
         TIME, servo=SERVO, velocity_command=1.0, position_command=TIME, room_temperature=21.0
     )
-    sensor = TorqueSensor("gear", 1.1, -0.2, (Harmonic(2, 0.3, 0.1, "motor_on_stator"),), (0.01,))
+    sensor = sim.TorqueSensor(
+        "gear", 1.1, -0.2, (sim.Harmonic(2, 0.3, 0.1, "motor_on_stator"),), (0.01,)
+    )
     expected = 1.1 * run["transmitted_torque"] - 0.2
     expected += 0.3 * np.cos(2 * run["motor_position"] + 0.1)
     expected += 0.01 * (run["body_temperature"] - 25.0)
     assert np.ptp(run["body_temperature"]) > 0.01
     np.testing.assert_allclose(run.log(sensor=sensor)["sensor_torque"], expected, atol=1e-12)
     ramp = replace(run, columns={**run.columns, "link_torque": 3.0 * TIME})
-    late = ramp.log(sensor=TorqueSensor(time_constant=0.05))["sensor_torque"]
+    late = ramp.log(sensor=sim.TorqueSensor(time_constant=0.05))["sensor_torque"]
     exact = 3.0 * (TIME - 0.05 * (1 - np.exp(-TIME / 0.05)))
     np.testing.assert_allclose(late, exact, atol=1e-9)
 
@@ -141,7 +127,7 @@ def test_the_link_torque_is_load_gravity_and_inertia_of_the_link() -> None:
 
 def test_noise_has_its_deviation_and_memory_and_its_own_seed() -> None:
     still = JOINT.simulate(np.arange(40001) / 1000.0, channels=None)
-    noise = {"sensor_torque": Noise(0.2, memory=0.01), "temperature": Noise(0.1)}
+    noise = {"sensor_torque": sim.Noise(0.2, memory=0.01), "temperature": sim.Noise(0.1)}
     log = still.log(noise=noise, seed=5)
     error = log["sensor_torque"] - still["link_torque"]
     # 40 s of a memory of 10 ms: 2000 independent values, five deviations
@@ -189,7 +175,7 @@ NAN = np.where(TIME == 1.0, np.nan, 0.0)
         ({"steps_per_sample": 0}, "steps_per_sample is 0; give a whole number"),
         ({"steps_per_sample": 1.5}, "steps_per_sample is 1.5; give a whole number"),
         ({"channels": ["ouput_position"]}, r"did you mean 'output_position'\?"),
-        ({"stop": Stop(1.0, reaction="hold")}, "'hold' needs a servo with a position_gain"),
+        ({"stop": sim.Stop(1.0, reaction="hold")}, "'hold' needs a servo with a position_gain"),
     ],
 )
 def test_a_wrong_call_is_told_what_to_do(call: dict[str, Any], sentence: str) -> None:
@@ -213,27 +199,33 @@ def test_a_wrong_time_is_named_with_its_row(times: list[float], sentence: str) -
 @pytest.mark.parametrize(
     ("build", "sentence"),
     [
-        (lambda: Friction(coulomb_forward=-1.0), "Friction.coulomb_forward is -1.0; give a number"),
-        (lambda: Friction(viscous=np.nan), "Friction.viscous is nan; give a finite number"),
-        (lambda: Friction(load_forward=1.0), "could never be driven back"),
-        (lambda: Gear(0.0), "Gear.ratio is 0.0; give a number above 0"),
-        (lambda: Gear(output_spline="flexspline"), "give 'circular', 'flex' or ''"),
-        (lambda: Gear(damping=1.0), "damping but no stiffness"),
-        (lambda: Joint(Gear(mesh_stiffness=1e4)), "compliant but Motor.inertia is 0"),
-        (lambda: Output(link_inertia=2.0), "give a part of it"),
-        (lambda: Output(friction_ripple=[Harmonic(1, 1.5)]), "so the friction could push"),
-        (lambda: Harmonic(0, 1.0), "Harmonic.order is 0; give a whole number"),
-        (lambda: Harmonic(1, 1.0, pair="output"), "is no pair of parts"),
-        (lambda: Motor(resistance=1.0), "give torque_constant as well"),
-        (lambda: Obstacle(direction=0), "Obstacle.direction is 0"),
-        (lambda: Obstacle(direction=-2), "Obstacle.direction is -2"),
-        (lambda: Servo(delay=65), "Servo.delay is 65; give a whole number from 0 to 64"),
-        (lambda: Servo(feedback="link"), "give 'motor' or 'output'"),
-        (lambda: Stop(reaction="panic"), "give 'release', 'brake' or 'hold'"),
-        (lambda: Stop(threshold=0.0), "Stop.threshold is 0.0 Nm"),
-        (lambda: SlipElement(0.0, 1.0), "SlipElement.stiffness is 0.0"),
-        (lambda: Start(output_position=np.inf), "Start.output_position is inf"),
-        (lambda: Joint(output=Output(presliding=[SlipElement(1, 1)] * 17)), "more than 16 slip"),
+        (
+            lambda: sim.Friction(coulomb_forward=-1.0),
+            "Friction.coulomb_forward is -1.0; give a number",
+        ),
+        (lambda: sim.Friction(viscous=np.nan), "Friction.viscous is nan; give a finite number"),
+        (lambda: sim.Friction(load_forward=1.0), "could never be driven back"),
+        (lambda: sim.Gear(0.0), "Gear.ratio is 0.0; give a number above 0"),
+        (lambda: sim.Gear(output_spline="flexspline"), "give 'circular', 'flex' or ''"),
+        (lambda: sim.Gear(damping=1.0), "damping but no stiffness"),
+        (lambda: sim.Joint(sim.Gear(mesh_stiffness=1e4)), "compliant but Motor.inertia is 0"),
+        (lambda: sim.Output(link_inertia=2.0), "give a part of it"),
+        (lambda: sim.Output(friction_ripple=[sim.Harmonic(1, 1.5)]), "so the friction could push"),
+        (lambda: sim.Harmonic(0, 1.0), "Harmonic.order is 0; give a whole number"),
+        (lambda: sim.Harmonic(1, 1.0, pair="output"), "is no pair of parts"),
+        (lambda: sim.Motor(resistance=1.0), "give torque_constant as well"),
+        (lambda: sim.Obstacle(direction=0), "Obstacle.direction is 0"),
+        (lambda: sim.Obstacle(direction=-2), "Obstacle.direction is -2"),
+        (lambda: sim.Servo(delay=65), "Servo.delay is 65; give a whole number from 0 to 64"),
+        (lambda: sim.Servo(feedback="link"), "give 'motor' or 'output'"),
+        (lambda: sim.Stop(reaction="panic"), "give 'release', 'brake' or 'hold'"),
+        (lambda: sim.Stop(threshold=0.0), "Stop.threshold is 0.0 Nm"),
+        (lambda: sim.SlipElement(0.0, 1.0), "SlipElement.stiffness is 0.0"),
+        (lambda: sim.Start(output_position=np.inf), "Start.output_position is inf"),
+        (
+            lambda: sim.Joint(output=sim.Output(presliding=[sim.SlipElement(1, 1)] * 17)),
+            "more than 16 slip",
+        ),
     ],
 )
 def test_a_part_that_cannot_be_is_refused(build: Any, sentence: str) -> None:
@@ -251,7 +243,7 @@ def test_a_servo_that_hammers_on_the_gear_is_told_so() -> None:
 def test_a_brake_that_is_not_there_cannot_fall() -> None:
     joint = replace(JOINT, motor=replace(JOINT.motor, brake=0.0))
     with pytest.raises(InputError, match=r"give Motor\.brake"):
-        joint.simulate(TIME, stop=Stop(1.0, reaction="brake"))
+        joint.simulate(TIME, stop=sim.Stop(1.0, reaction="brake"))
 
 
 def test_a_channel_that_no_rig_has_is_refused() -> None:
@@ -276,7 +268,7 @@ def test_torsion_is_the_output_s_angle_at_the_motor_less_that_of_the_motor() -> 
 def test_noise_of_a_sensor_is_added_to_what_it_reads() -> None:
     run = JOINT.simulate(TIME, load_torque=2.0)
     noise = np.linspace(-0.1, 0.3, len(TIME))
-    sensor = TorqueSensor(gain=1.1)
+    sensor = sim.TorqueSensor(gain=1.1)
     np.testing.assert_allclose(sensor.read(run, noise) - sensor.read(run), noise, atol=1e-12)
 
 

@@ -9,35 +9,26 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from flexspline import simulation as sim
 from flexspline.errors import InputError
-from flexspline.simulation import (
-    Friction,
-    Gear,
-    Joint,
-    Motor,
-    Output,
-    Servo,
-    Start,
-    Stop,
-    Thermal,
-    Trajectory,
-)
 
 Array = NDArray[np.float64]
 
-START = Start(output_position=0.3, motor_position=30.32)
-MESH = Joint(
-    Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487, damping=5.0),
-    Motor(inertia=1e-4, friction=Friction(viscous=1e-4, cubic=1e-9), brake=2.0),
-    Output(inertia=0.5, gravity=20.0, gravity_angle=0.1, friction=Friction(viscous=2, cubic=3)),
+START = sim.Start(output_position=0.3, motor_position=30.32)
+MESH = sim.Joint(
+    sim.Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487, damping=5.0),
+    sim.Motor(inertia=1e-4, friction=sim.Friction(viscous=1e-4, cubic=1e-9), brake=2.0),
+    sim.Output(
+        inertia=0.5, gravity=20.0, gravity_angle=0.1, friction=sim.Friction(viscous=2, cubic=3)
+    ),
 )
-RIGID = replace(MESH, gear=Gear(100))
-LINEAR = replace(MESH, gear=Gear(100, mesh_stiffness=15548.0, damping=5.0))
+RIGID = replace(MESH, gear=sim.Gear(100))
+LINEAR = replace(MESH, gear=sim.Gear(100, mesh_stiffness=15548.0, damping=5.0))
 JOINTS = pytest.mark.parametrize("joint", [MESH, LINEAR, RIGID], ids=["mesh", "linear", "rigid"])
 MOTION = ("output_position", "output_velocity", "motor_position", "motor_velocity")
 
 
-def truth(joint: Joint, time: Array) -> Array:
+def truth(joint: sim.Joint, time: Array) -> Array:
     """The joint written down a second time, between straight torques: rows of `MOTION`."""
     n, gear = 101.0, joint.gear
 
@@ -59,13 +50,15 @@ def truth(joint: Joint, time: Array) -> Array:
     return np.asarray(done.y[[1, 3, 0, 2]])
 
 
-def furthest(one: Trajectory, other: Trajectory, channels: tuple[str, ...] = MOTION) -> float:
+def furthest(
+    one: sim.Trajectory, other: sim.Trajectory, channels: tuple[str, ...] = MOTION
+) -> float:
     """The largest difference, in units of what a channel moves."""
     return max(float(np.max(np.abs(one[c] - other[c])) / np.ptp(other[c])) for c in channels)
 
 
 @JOINTS
-def test_every_row_on_the_way_is_as_exact_as_asked(joint: Joint) -> None:
+def test_every_row_on_the_way_is_as_exact_as_asked(joint: sim.Joint) -> None:
     time = np.linspace(0.0, 1.0, 751)
     drive = {"motor_torque": 0.3 - 0.02 * time, "load_torque": 5.0 - 0.2 * time}
     exact = truth(joint, time)
@@ -79,7 +72,7 @@ def test_every_row_on_the_way_is_as_exact_as_asked(joint: Joint) -> None:
 
 
 @JOINTS
-def test_torques_with_kinks_and_curves_are_met_as_row_by_row(joint: Joint) -> None:
+def test_torques_with_kinks_and_curves_are_met_as_row_by_row(joint: sim.Joint) -> None:
     time = np.linspace(0.0, 1.0, 401)
     kinked = np.interp(time, [0.0, 0.2475, 0.5, 0.7325, 1.0], [0.0, 0.6, 0.6, -0.4, 0.2])
     bent = np.where(time < 0.6, 4.0 - time, 3.4 + np.sin(9 * (time - 0.6)))
@@ -106,7 +99,7 @@ def test_a_kink_of_a_billionth_is_not_stepped_over() -> None:
 
 
 @JOINTS
-def test_all_channels_on_the_way_are_those_of_small_steps(joint: Joint) -> None:
+def test_all_channels_on_the_way_are_those_of_small_steps(joint: sim.Joint) -> None:
     time = np.linspace(0.0, 1.0, 201)
     drive = {"motor_torque": 0.3 - 0.2 * time, "load_torque": 5.0 - time, "start": START}
     leaps = joint.simulate(time, accuracy=1e-10, **drive)
@@ -121,15 +114,15 @@ def test_all_channels_on_the_way_are_those_of_small_steps(joint: Joint) -> None:
 
 
 def test_servo_stop_brake_and_heat_go_on_between_leaps() -> None:
-    servo = Servo(rate=500.0, position_gain=20.0, velocity_gain=0.02, torque_limit=3.0)
-    thermal = Thermal(5.0, 20.0, motor_to_body=1.5, motor_to_room=0.5, body_to_room=1.0)
+    servo = sim.Servo(rate=500.0, position_gain=20.0, velocity_gain=0.02, torque_limit=3.0)
+    thermal = sim.Thermal(5.0, 20.0, motor_to_body=1.5, motor_to_room=0.5, body_to_room=1.0)
     rotor = replace(MESH.motor, torque_constant=0.1, resistance=0.5)
     joint = replace(MESH, motor=rotor, thermal=thermal)
     time = np.linspace(0.0, 1.0, 301)
     drive = {
         "servo": servo,
         "position_command": 0.3 + 0.2 * np.sin(4 * time),
-        "stop": Stop(time=0.7, reaction="brake"),
+        "stop": sim.Stop(time=0.7, reaction="brake"),
         "start": START,
     }
     leaps = joint.simulate(time, accuracy=1e-10, **drive)

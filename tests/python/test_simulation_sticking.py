@@ -9,20 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from flexspline.simulation import (
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Obstacle,
-    Output,
-    SlipElement,
-    Start,
-)
+from flexspline import simulation as sim
 
 Array = NDArray[np.float64]
-DIRECT = Gear(1.0, "")  # no gear: the output alone
+DIRECT = sim.Gear(1.0, "")  # no gear: the output alone
 
 
 def located(
@@ -79,7 +69,7 @@ def stribeck(v: float) -> float:
     return 1.0 + 0.5 * float(np.exp(-((v / 0.1) ** 2))) + 0.3 * v
 
 
-FRICTION = Friction.both_ways(1.0, stribeck=0.5, stribeck_velocity=0.1, viscous=0.3)
+FRICTION = sim.Friction.both_ways(1.0, stribeck=0.5, stribeck_velocity=0.1, viscous=0.3)
 
 
 def stretches(stuck: Array) -> list[tuple[int, int]]:
@@ -89,12 +79,12 @@ def stretches(stuck: Array) -> list[tuple[int, int]]:
 
 
 def test_a_pendulum_comes_to_rest_where_the_event_located_one_does() -> None:
-    joint = Joint(DIRECT, Motor(), Output(inertia=0.5, gravity=20.0, friction=FRICTION))
+    joint = sim.Joint(DIRECT, sim.Motor(), sim.Output(inertia=0.5, gravity=20.0, friction=FRICTION))
     reference, events = located(lambda t, q: -20 * np.sin(q), stribeck, 1.5, 0.5, (1.0, 0.0), 6.0)
     errors = []
     for steps in (1, 2, 4):
         time = np.linspace(0, 6, 3001)
-        run = joint.simulate(time, start=Start(output_position=1.0), steps_per_sample=steps)
+        run = joint.simulate(time, start=sim.Start(output_position=1.0), steps_per_sample=steps)
         errors.append(abs(run["output_position"][-1] - reference[0]))
         (rest,) = stretches(run["output_stuck"])
         assert time[rest[0] - 1] <= events[-1] <= time[rest[0]]
@@ -108,10 +98,10 @@ def test_a_pendulum_comes_to_rest_where_the_event_located_one_does() -> None:
 def test_a_block_on_a_spring_pulled_slowly_sticks_and_slips_as_the_event_located_one() -> None:
     """Stick-slip: J q̈ = k (v t − q) − friction."""
     stiffness, speed = 40.0, 0.05
-    joint = Joint(
+    joint = sim.Joint(
         DIRECT,
-        Motor(),
-        Output(inertia=0.5, friction=FRICTION, presliding=[SlipElement(stiffness, 1e9)]),
+        sim.Motor(),
+        sim.Output(inertia=0.5, friction=FRICTION, presliding=[sim.SlipElement(stiffness, 1e9)]),
     )
     reference, events = located(
         lambda t, q: stiffness * (speed * t - q), stribeck, 1.5, 0.5, (0.0, 0.0), 4.0
@@ -131,11 +121,11 @@ def test_a_block_on_a_spring_pulled_slowly_sticks_and_slips_as_the_event_located
 
 @pytest.mark.parametrize("share", [-0.999, 0.5, 0.999])
 def test_a_joint_held_by_friction_does_not_creep(share: float) -> None:
-    friction = Friction.both_ways(0.1, stribeck=0.05, stribeck_velocity=5.0)
-    joint = Joint(
-        Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487),
-        Motor(inertia=1e-4, friction=friction),
-        Output(inertia=0.5, friction=Friction.both_ways(0.5)),
+    friction = sim.Friction.both_ways(0.1, stribeck=0.05, stribeck_velocity=5.0)
+    joint = sim.Joint(
+        sim.Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487),
+        sim.Motor(inertia=1e-4, friction=friction),
+        sim.Output(inertia=0.5, friction=sim.Friction.both_ways(0.5)),
     )
     load = share * 0.15 * 101
     run = joint.simulate(np.linspace(0, 100, 1001), load_torque=load, steps_per_sample=40)
@@ -146,8 +136,10 @@ def test_a_joint_held_by_friction_does_not_creep(share: float) -> None:
 
 
 def test_levels_of_both_directions_hold_what_they_say() -> None:
-    output = Output(inertia=0.5, friction=Friction(coulomb_forward=3.0, coulomb_backward=1.0))
-    joint = Joint(DIRECT, Motor(), output)
+    output = sim.Output(
+        inertia=0.5, friction=sim.Friction(coulomb_forward=3.0, coulomb_backward=1.0)
+    )
+    joint = sim.Joint(DIRECT, sim.Motor(), output)
     time = np.linspace(0, 1, 101)
     moved = [
         abs(joint.simulate(time, load_torque=load)["output_position"][-1])
@@ -157,17 +149,21 @@ def test_levels_of_both_directions_hold_what_they_say() -> None:
 
 
 def test_a_position_where_friction_is_higher_holds_more() -> None:
-    output = Output(friction=Friction.both_ways(2.0), friction_ripple=[Harmonic(1, 0.5)])
-    joint = Joint(DIRECT, Motor(), output)
+    output = sim.Output(
+        friction=sim.Friction.both_ways(2.0), friction_ripple=[sim.Harmonic(1, 0.5)]
+    )
+    joint = sim.Joint(DIRECT, sim.Motor(), output)
     time = np.linspace(0, 1, 101)
     held = joint.simulate(time, load_torque=-2.5)  # level 3 at q = 0
-    slides = joint.simulate(time, load_torque=-2.5, start=Start(output_position=np.pi))  # level 1
+    slides = joint.simulate(
+        time, load_torque=-2.5, start=sim.Start(output_position=np.pi)
+    )  # level 1
     assert held["output_position"][-1] == 0.0 and slides["output_position"][-1] > np.pi + 0.1
 
 
 def test_warmth_loosens_what_cold_holds() -> None:
-    friction = Friction.both_ways(2.0, coulomb_fade=0.01)
-    joint = Joint(DIRECT, Motor(), Output(friction=friction))
+    friction = sim.Friction.both_ways(2.0, coulomb_fade=0.01)
+    joint = sim.Joint(DIRECT, sim.Motor(), sim.Output(friction=friction))
     time = np.linspace(0, 1, 101)
     cold = joint.simulate(time, load_torque=-2.0, room_temperature=20.0)
     warm = joint.simulate(time, load_torque=-2.0, room_temperature=30.0)
@@ -176,19 +172,21 @@ def test_warmth_loosens_what_cold_holds() -> None:
 
 def test_a_slow_cycle_loses_the_area_of_the_maxwell_loop() -> None:
     """Per cycle of torsion ±X each element loses 4 L (X − L/k)."""
-    elements = (SlipElement(4000.0, 0.4), SlipElement(1500.0, 0.9))
-    joint = Joint(
-        DIRECT, Motor(), Output(inertia=0.02, presliding=(*elements, SlipElement(3000.0, 1e9)))
+    elements = (sim.SlipElement(4000.0, 0.4), sim.SlipElement(1500.0, 0.9))
+    joint = sim.Joint(
+        DIRECT,
+        sim.Motor(),
+        sim.Output(inertia=0.02, presliding=(*elements, sim.SlipElement(3000.0, 1e9))),
     )
     time = np.linspace(0, 20, 20001)
     drive = -6.0 * np.sin(2 * np.pi * time / 4) * np.minimum(time / 4, 1.0)
-    joint = Joint(
+    joint = sim.Joint(
         DIRECT,
-        Motor(),
-        Output(
+        sim.Motor(),
+        sim.Output(
             inertia=0.02,
-            friction=Friction(viscous=0.5),
-            presliding=(*elements, SlipElement(3000.0, 1e9)),
+            friction=sim.Friction(viscous=0.5),
+            presliding=(*elements, sim.SlipElement(3000.0, 1e9)),
         ),
     )
     run = joint.simulate(time, load_torque=drive)
@@ -201,20 +199,22 @@ def test_a_slow_cycle_loses_the_area_of_the_maxwell_loop() -> None:
 
 
 def test_a_ball_on_an_obstacle_keeps_what_hunt_and_crossley_leave_it() -> None:
-    joint = Joint(DIRECT, Motor(), Output(inertia=0.5), obstacle=Obstacle(1.0, 5e3))
+    joint = sim.Joint(DIRECT, sim.Motor(), sim.Output(inertia=0.5), obstacle=sim.Obstacle(1.0, 5e3))
     time = np.linspace(0, 2, 2001)
-    run = joint.simulate(time, start=Start(output_velocity=1.0))
+    run = joint.simulate(time, start=sim.Start(output_velocity=1.0))
     assert run["output_velocity"][-1] == pytest.approx(-1.0, abs=1e-7)
     # ½ J v² = ½ k δ²
     assert run["contact_torque"].max() == pytest.approx(np.sqrt(0.5 * 5e3), rel=1e-3)
-    damped = Joint(DIRECT, Motor(), Output(inertia=0.5), obstacle=Obstacle(1.0, 5e3, 0.2))
+    damped = sim.Joint(
+        DIRECT, sim.Motor(), sim.Output(inertia=0.5), obstacle=sim.Obstacle(1.0, 5e3, 0.2)
+    )
 
     def rate(_: float, y: Array) -> list[float]:
         depth = max(0.0, y[0] - 1.0)
         return [y[1], -5e3 * depth * (1 + 0.2 * y[1]) / 0.5]
 
     reference = solve_ivp(rate, (0, 2), [0, 1.0], "DOP853", rtol=1e-10, atol=1e-12, max_step=1e-3)
-    run = damped.simulate(time, start=Start(output_velocity=1.0))
+    run = damped.simulate(time, start=sim.Start(output_velocity=1.0))
     assert run["output_velocity"][-1] == pytest.approx(reference.y[1, -1], abs=1e-6)
     assert run["contact_torque"].min() >= 0.0
     assert abs(run.balance[-1]) < 1e-3

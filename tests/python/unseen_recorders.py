@@ -29,6 +29,7 @@ from recorders import (
     _other,
     _same,
     _still,
+    _table,
     _text,
     _white,
     joint_run,
@@ -63,10 +64,11 @@ def labview_spreadsheet() -> File:
         _channel(run, "motor_temperature", "T_Motor (C)", "%.2f"),
         _channel(run, "temperature", "T_Housing (C)", "%.2f"),
     ]
-    return _file(
+    return _table(
         "Joint_Test_03.txt",
-        _text([_headers(columns, "\t"), *_lines(columns, "\t")], "\r\n"),
         columns,
+        "\t",
+        "\r\n",
         facts={"gear_ratio": 100},
     )
 
@@ -95,10 +97,10 @@ def python_ft_sensor() -> File:
         _other("My", -0.8 * np.sin(angle) + _white(2026, 0.02, rows), "%.4f"),
         _channel(run, "reference_torque", "Mz", "%.4f"),
     ]
-    return _file(
+    return _table(
         "log_20260414_121012.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 50},
         ambiguous={
             "motor_current": "no unit is stated: A or mA",
@@ -133,10 +135,11 @@ def plc_axis() -> File:
         _same("StatusWord", "4663", rows),
         _same("ErrorId", "0", rows),
     ]
-    return _file(
+    return _table(
         "Axis2_Trace.csv",
-        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n"),
         columns,
+        ";",
+        "\r\n",
         facts={"gear_ratio": 100},
         ambiguous={
             "commanded_position": NO_UNIT,
@@ -170,10 +173,12 @@ def drive_recorder() -> File:
         _other("Drive Temperature [C]", 41.0 + _white(2041, 0.2, rows), "%.0f"),
     ]
     head = ["Drive recording, axis A1", "Date: 14/04/2026 16:20:05", "Sampling time: 1000 us", ""]
-    return _file(
+    return _table(
         "Recording 4.csv",
-        _text([*head, _headers(columns, ","), *_lines(columns, ",")], "\r\n"),
         columns,
+        ",",
+        "\r\n",
+        head=head,
         ambiguous={
             "motor_position": "counts without a resolution",
             "motor_velocity": "counts per second without a resolution",
@@ -341,10 +346,12 @@ def italian_bench() -> File:
             _channel(run, "temperature", "Temp. riduttore (°C)", "%.1f"),
         ]
     )
-    return _file(
+    return _table(
         "prova_giunto_2.csv",
-        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
         facts={"gear_ratio": 80},
         ambiguous={"sensor_torque": OWN_OR_BESIDE},
     )
@@ -411,10 +418,10 @@ def joint_controller_iso() -> File:
         _channel(run, "motor_temperature", "temp_winding_degC", "%.1f"),
     ]
     unitless = [c.channel for c in columns[3:-1] if c.channel]
-    return _file(
+    return _table(
         "J3_2026-04-17T0758.csv",
-        _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
         facts={"gear_ratio": 160},
         ambiguous=dict.fromkeys(unitless, NO_UNIT)
         | {
@@ -445,10 +452,11 @@ def sensor_bench() -> File:
         "# gear 120:1, lever 0.60 m, 3.0 kg",
         "# 2026-04-17 15:12:48",
     ]
-    return _file(
+    return _table(
         "jts_B_cal4.csv",
-        _text([*head, _headers(columns, ","), *_lines(columns, ",")]),
         columns,
+        ",",
+        head=head,
         facts={"gear_ratio": 120},
         wraps={"motor_position": REV},
     )

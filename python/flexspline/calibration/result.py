@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +41,9 @@ from flexspline.calibration.thermal import (
 )
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.result import Parameter, parameters_frame
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
@@ -77,7 +76,7 @@ class Views:
 
 
 @dataclass(frozen=True)
-class CalibrationResult(Views):
+class CalibrationResult(Views, Rendered):
     """The result of `calibrate`: prints as a verdict, one line for each parameter and figure.
 
     Parameters
@@ -101,6 +100,8 @@ class CalibrationResult(Views):
     zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
     warnings : sentences about the runs and the result.
     """
+
+    _kind: ClassVar = "calibration"
 
     model: Model
     calibration: Calibration | None
@@ -195,22 +196,7 @@ class CalibrationResult(Views):
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters in Nm (or V) as a table."""
-        import pandas
-
-        rows = {
-            p.name: {
-                "value": p.value if p.determined else np.nan,
-                "standard_error": p.standard_error if p.determined else np.nan,
-                "unit": p.unit,
-                "lower": p.interval[0],
-                "upper": p.interval[1],
-                "state": p.state,
-                "determined": p.determined,
-                "naive_error": p.naive_error,
-            }
-            for p in self.parameters
-        }
-        return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
+        return parameters_frame(self.parameters)
 
     def figures_frame(self) -> pandas.DataFrame:
         """Return the figures as a table; NaN where the runs cannot show one."""
@@ -220,25 +206,15 @@ class CalibrationResult(Views):
 
         return pandas.DataFrame([asdict(figure) for figure in self.figures]).set_index("name")
 
-    def __str__(self) -> str:
-        return render("calibration", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<CalibrationResult: {len(self.runs)} runs, {len(self.parameters)} parameters, "
             f"RMSE {self.rmse:.4g} {self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("calibration", "html", self)
-
     def plot(self) -> Any:
         """Return a figure: drift (Fig. 16), before and after (Fig. 17), calibration (Fig. 18)."""
         return render("calibration", "figure", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("calibration", "report", self, path)
 
 
 def _rms(columns: Sequence[Array]) -> float:

@@ -17,13 +17,14 @@ import click
 from flexspline.cli.options import (
     EFFECTS,
     FILE,
-    REPAIRS,
-    Listed,
+    RATE,
+    TEXT,
     Reading,
     Taught,
     bandwidth,
     effects_by_target,
     fixed,
+    joint_and_map,
     known_load,
     loaded,
     lowpass,
@@ -33,7 +34,6 @@ from flexspline.cli.options import (
     on_terminal,
     orders,
     positive,
-    preset_names,
     reading,
     refuse_overwriting,
     repairs,
@@ -47,6 +47,7 @@ from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
 
 if TYPE_CHECKING:
+    from flexspline.fleet.result import FleetResult
     from flexspline.fleet.sessions import Sessions
     from flexspline.model import Model
 
@@ -221,7 +222,6 @@ def fleet() -> None:
 
 def _shared(command: Command) -> Command:
     """Options of who works, how runs are read, and where to."""
-    spline = click.Choice(["circular", "flex"])
     options: tuple[tuple[str, dict[str, Any]], ...] = (
         (
             "--out",
@@ -240,17 +240,9 @@ def _shared(command: Command) -> Command:
                 "alone, without Dask.",
             },
         ),
-        (
-            "--columns",
-            {"metavar": "MAP.toml", "type": FILE, "help": "Instead of map.toml in the folders."},
-        ),
-        (
-            "--preset",
-            {
-                "metavar": "RECORDER",
-                "type": Listed(preset_names),
-                "help": "A column map that comes with flexspline.",
-            },
+        *joint_and_map(
+            columns="Instead of map.toml in the folders.",
+            preset="A column map that comes with flexspline.",
         ),
         (
             "--dates",
@@ -268,29 +260,16 @@ def _shared(command: Command) -> Command:
                 "joint of the fleet, UNIT.A.",
             },
         ),
-        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Of all joints, as sold."}),
-        ("--output-spline", {"type": spline, "help": "The part of the gear that is the output."}),
-        (
-            "--torque-constant",
-            {"type": positive, "metavar": "K", "help": "Nm/A at the motor, of all joints."},
+        *joint_and_map(
+            gear_ratio="Of all joints, as sold.",
+            output_spline="The part of the gear that is the output.",
+            torque_constant="Nm/A at the motor, of all joints.",
+            pole_pairs="Of the motors.",
+            slots="Of the motors.",
+            repair="A repair of every run, listed below; can be repeated.",
         ),
-        ("--pole-pairs", {"type": click.IntRange(1), "metavar": "P", "help": "Of the motors."}),
-        ("--slots", {"type": click.IntRange(1), "metavar": "S", "help": "Of the motors."}),
-        (
-            "--repair",
-            {
-                "multiple": True,
-                "metavar": "NAME[=VALUE]",
-                "type": REPAIRS,
-                "help": "A repair of every run, listed below; can be repeated.",
-            },
-        ),
-        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
-        ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
-        (
-            "--skip-lines",
-            {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
-        ),
+        RATE,
+        *TEXT[:2],
     )
     for name, settings in reversed(options):
         command = click.option(name, **settings)(command)
@@ -370,7 +349,6 @@ def fit(
     sessions = _sessions(folders, out, options, (FIT, REPORT))
     with whole_folder(out, last=FIT) as draft:
         from flexspline.fleet import fit as fit_fleet
-        from flexspline.report.fleet import page_names
 
         made = fit_fleet(
             sessions,
@@ -381,15 +359,9 @@ def fit(
             per_run=own,
             **_of_the_fit(options),
         )
-        made.report(draft)
-        for name, page in page_names([unit.name for unit in made.units]).items():
-            made.model(name).save((draft / page).with_suffix(".json"))
-        made.save(draft / FIT)
-        said = str(made)
-        content = made.to_json()
-    found(content)
-    count = len(made.units)
-    say(f"{said}\n\nwrote {FIT}, {REPORT} and units ({count} pages and models) to {Path(out)}")
+        models = {unit.name: made.model(unit.name).to_json() for unit in made.units}
+        said = _write(made, draft / FIT, models)
+    _tell(made, said, FIT, f"{len(models)} pages and models", out)
 
 
 @fleet.command("discover", cls=Taught, sections=(effects_by_target, repairs))
@@ -435,7 +407,6 @@ def discover(
     sessions = _sessions(folders, out, options, (DISCOVERY, REPORT))
     with whole_folder(out, last=DISCOVERY) as draft:
         from flexspline.fleet import discover as look
-        from flexspline.report.fleet import page_names
 
         made = look(
             sessions,
@@ -445,16 +416,9 @@ def discover(
             exclude=unwanted,
             **_of_the_fit(options),
         )
-        made.report(draft)
-        for name, page in page_names([unit.name for unit in made.units]).items():
-            made[name].model.save((draft / page).with_suffix(".json"))
-        made.save(draft / DISCOVERY)
-        said = str(made)
-    found(made.to_json())
-    count = len(made.units)
-    say(
-        f"{said}\n\nwrote {DISCOVERY}, {REPORT} and units ({count} pages and models) to {Path(out)}"
-    )
+        models = {unit.name: unit.model.to_json() for unit in made.units}
+        said = _write(made, draft / DISCOVERY, models)
+    _tell(made, said, DISCOVERY, f"{len(models)} pages and models", out)
 
 
 @fleet.command("compare", cls=Taught, sections=(repairs,))
@@ -498,12 +462,8 @@ def compare(
             speed_above=options["speed_above"],
             **_work(options),
         )
-        made.report(draft)
-        made.save(draft / COMPARISON)
-        said = str(made)
-    found(made.to_json())
-    count = len(made.units)
-    say(f"{said}\n\nwrote {COMPARISON}, {REPORT} and units ({count} pages) to {Path(out)}")
+        said = _write(made, draft / COMPARISON, {})
+    _tell(made, said, COMPARISON, f"{len(made.units)} pages", out)
 
 
 @fleet.command("track", cls=Taught, sections=(effects_by_target, repairs))
@@ -542,7 +502,6 @@ def track_joints(
     model = None if model_path is None else loaded(model_path, target)
     sessions = _sessions(folders, out, options, (TRACK, REPORT))
     with whole_folder(out, last=TRACK) as draft:
-        from flexspline.report.fleet import page_names
         from flexspline.tracking import track_fleet
 
         made = track_fleet(
@@ -555,14 +514,25 @@ def track_joints(
             horizon=horizon,
             **_of_the_fit(options),
         )
-        made.report(draft)
-        for name, page in page_names([*made.tracks]).items():
-            atomic_write((draft / page).with_suffix(".json"), made[name].to_json())
-        made.save(draft / TRACK)
-        said = str(made)
+        tracks = {name: one.to_json() for name, one in made.tracks.items()}
+        said = _write(made, draft / TRACK, tracks)
+    _tell(made, said, TRACK, f"{len(tracks)} pages and tracks", out)
+
+
+def _write(made: FleetResult, file: Path, of_joints: Mapping[str, str]) -> str:
+    """Write a result, its report, and beside the page of each joint a text; return its words."""
+    from flexspline.report.fleet import page_names
+
+    made.report(file.parent)
+    for name, page in page_names([*of_joints]).items():
+        atomic_write((file.parent / page).with_suffix(".json"), of_joints[name])
+    made.save(file)
+    return str(made)
+
+
+def _tell(made: FleetResult, said: str, file: str, units: str, out: str) -> None:
     found(made.to_json())
-    count = len(made.tracks)
-    say(f"{said}\n\nwrote {TRACK}, {REPORT} and units ({count} pages and tracks) to {Path(out)}")
+    say(f"{said}\n\nwrote {file}, {REPORT} and units ({units}) to {Path(out)}")
 
 
 def _model(path: str, target: str | None) -> Model | Callable[[str], Model]:

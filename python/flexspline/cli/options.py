@@ -44,7 +44,9 @@ else:
 __all__ = [
     "EFFECTS",
     "FILE",
+    "RATE",
     "REPAIRS",
+    "TEXT",
     "LateChoice",
     "Listed",
     "Reading",
@@ -59,6 +61,7 @@ __all__ = [
     "fixed",
     "formats",
     "is_table",
+    "joint_and_map",
     "known_load",
     "left_open",
     "loaded",
@@ -466,6 +469,10 @@ MAX_MEMORY: tuple[str, dict[str, Any]] = (
         "help": "What a file may unfold to; by default half of what is free.",
     },
 )
+RATE: tuple[str, dict[str, Any]] = (
+    "--rate",
+    {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."},
+)
 TEXT: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
     (
@@ -504,6 +511,24 @@ def _require_map(given: Mapping[str, Any], needed: bool) -> None:
         raise click.UsageError("Missing option '--columns' or '--preset'.")
 
 
+JOINT_AND_MAP: dict[str, dict[str, Any]] = {
+    "--gear-ratio": {"type": positive, "metavar": "N"},
+    "--output-spline": {"type": click.Choice(["circular", "flex"])},
+    "--torque-constant": {"type": positive, "metavar": "K"},
+    "--pole-pairs": {"type": click.IntRange(1), "metavar": "P"},
+    "--slots": {"type": click.IntRange(1), "metavar": "S"},
+    "--repair": {"multiple": True, "metavar": "NAME[=VALUE]", "type": REPAIRS},
+    "--columns": {"metavar": "MAP.toml", "type": FILE},
+    "--preset": {"metavar": "RECORDER", "type": Listed(preset_names)},
+}
+
+
+def joint_and_map(**says: str) -> list[tuple[str, dict[str, Any]]]:
+    """Return options of `JOINT_AND_MAP`, each with what a command says of it."""
+    options = {f"--{name.replace('_', '-')}": text for name, text in says.items()}
+    return [(name, {**JOINT_AND_MAP[name], "help": text}) for name, text in options.items()]
+
+
 def reading(
     columns_needed: bool = False, each_joint: Summary | None = None
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -511,53 +536,20 @@ def reading(
 
     `each_joint`: what a command says of one joint in the summary of several; None: it takes one.
     """
-    spline = click.Choice(["circular", "flex"])
     options: list[tuple[str, dict[str, Any]]] = [
-        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N, as sold."}),
-        (
-            "--output-spline",
-            {
-                "type": spline,
-                "help": "The part of the gear that is the output; where it is the circular one, "
-                "the motor turns N + 1 times.",
-            },
-        ),
-        (
-            "--torque-constant",
-            {
-                "type": positive,
-                "metavar": "K",
-                "help": "Nm/A at the motor: motor_torque from motor_current where a run has none.",
-            },
-        ),
-        ("--pole-pairs", {"type": click.IntRange(1), "metavar": "P", "help": "Of the motor."}),
-        ("--slots", {"type": click.IntRange(1), "metavar": "S", "help": "Of the motor's stator."}),
-        (
-            "--repair",
-            {
-                "multiple": True,
-                "metavar": "NAME[=VALUE]",
-                "type": REPAIRS,
-                "help": "A repair of the data, listed below; can be repeated, done in this order, "
-                "behind those of the column map.",
-            },
-        ),
-        (
-            "--columns",
-            {
-                "metavar": "MAP.toml",
-                "type": FILE,
-                "help": "Column map of a foreign file: channel, column, unit, sign.",
-            },
-        ),
-        (
-            "--preset",
-            {
-                "metavar": "RECORDER",
-                "type": Listed(preset_names),
-                "help": "A column map that comes with flexspline, over which --columns is laid: "
-                "flexspline init --list-presets.",
-            },
+        *joint_and_map(
+            gear_ratio="Gear ratio N, as sold.",
+            output_spline="The part of the gear that is the output; where it is the circular one, "
+            "the motor turns N + 1 times.",
+            torque_constant="Nm/A at the motor: motor_torque from motor_current where a run has "
+            "none.",
+            pole_pairs="Of the motor.",
+            slots="Of the motor's stator.",
+            repair="A repair of the data, listed below; can be repeated, done in this order, "
+            "behind those of the column map.",
+            columns="Column map of a foreign file: channel, column, unit, sign.",
+            preset="A column map that comes with flexspline, over which --columns is laid: "
+            "flexspline init --list-presets.",
         ),
         (
             "--joint",
@@ -572,7 +564,7 @@ def reading(
                 ),
             },
         ),
-        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        RATE,
         (
             "--split-column",
             {

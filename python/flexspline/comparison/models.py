@@ -8,17 +8,16 @@ and the run does not count as one that it predicts.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import UNITS
 from flexspline.errors import InputError, listed
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.likelihood import why_none
 from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
@@ -63,7 +62,7 @@ class ModelRun:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison:
+class ModelComparison(Rendered):
     """Errors of several models on the same runs; prints as a table.
 
     Parameters
@@ -75,6 +74,8 @@ class ModelComparison:
     aic, bic : by model; NaN for what is no fit, and for all where these are not of the same rows.
     notes : sentences: what is missing in the table and why.
     """
+
+    _kind: ClassVar = "models"
 
     target: str
     unit: str
@@ -112,22 +113,12 @@ class ModelComparison:
         frame["kind"] = self.kinds()[-1]
         return frame.assign(aic=self.aic, bic=self.bic).rename_axis("model")
 
-    def __str__(self) -> str:
-        return render("models", "text", self)
-
     def __repr__(self) -> str:
         return f"<ModelComparison of {self.target}: {listed(self.names)}; {len(self.runs)} runs>"
-
-    def _repr_html_(self) -> str:
-        return render("models", "html", self)
 
     def plot(self) -> Figure:
         """Return a figure: measured and all models over time, residuals over load and velocity."""
         return render("models", "figure", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("models", "report", self, path)
 
 
 def compare_models(

@@ -6,11 +6,10 @@ sentences state where measurement and model disagree most, not why: they name no
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from flexspline.comparison.search import (
 )
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import told_apart
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.schema import checked_json
 
@@ -109,7 +108,7 @@ class Remembered:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Rendered):
     """Where a model and runs disagree. Numbers in `unit`.
 
     Parameters
@@ -136,6 +135,8 @@ class Comparison:
     bandwidth : Hz, of the output's motion, as it was asked for; None: as model or runs tell.
     speed_above : rad/s of the output, below which rows were left out; None for none.
     """
+
+    _kind: ClassVar = "comparison"
 
     what: str
     unit: str
@@ -205,25 +206,15 @@ class Comparison:
 
         return comparison_json(self)
 
-    def __str__(self) -> str:
-        return render("comparison", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<Comparison of {self.what}: {len(self.runs)} runs, RMSE {self.rmse:.4g} {self.unit}, "
             f"noise floor {self.noise_floor:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("comparison", "html", self)
-
     def plot(self) -> Figure:
         """Return the map: excess over the floor against each covariate, the worst first."""
         return render("comparison", "figure", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("comparison", "report", self, path)
 
 
 def ranked(made: Comparison) -> list[str]:

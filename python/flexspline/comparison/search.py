@@ -350,7 +350,7 @@ def analysed(compared: Compared, say: Callable[[str], None]) -> Analysis:
 
 
 def held_out_rest(rows: Rows, covariates: Sequence[Covariate], turning: Turning) -> Array:
-    """Return the residual without what cells and orders explain of rows never seen, (N,).
+    """Return the residual without what cells and orders explain of held-out rows, (N,).
 
     Only rows of `rows.looked_at` are worked on; the others stay as they are.
     """
@@ -395,7 +395,7 @@ class Band:
     """One band of rows. Numbers in the unit of the comparison, variance in its square.
 
     `lower`, `upper`: of the covariate, in its unit; None for kinds and where it is open.
-    `effective_rows`: independent ones. `noise_floor_error`: standard error of the floor.
+    `effective_rows`: the effective sample size. `noise_floor_error`: standard error of the floor.
     `excess`: RMS above the floor. `chance`: that noise alone shows such a mean, or such a mean
     square above the floor, in any band of this covariate. `significant`: more than chance.
     """

@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.basis import Functions, channel_told, flexible_basis
 from flexspline.discovery.evidence import Offer, offers, price
-from flexspline.discovery.search import (
-    Searcher,
-    Study,
-    form_of,
-    freedom,
-)
+from flexspline.discovery.search import Searcher, Study, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
@@ -42,27 +37,10 @@ from flexspline.regression.candidate_model import (
     started,
     working,
 )
-from flexspline.regression.gram import (
-    TINY,
-    Sheet,
-    Whitening,
-    left_of,
-    rows_of,
-    solved,
-    tabulated,
-)
+from flexspline.regression.gram import TINY, Whitening, left_of, rows_of, solved, tabulated
 
-__all__ = [
-    "Analysis",
-    "FirstLook",
-    "Rival",
-    "analysed",
-    "contribution",
-    "first_look",
-    "rivals_of",
-    "simplest",
-    "tied_channels",
-]
+__all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
+           "rivals_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -108,7 +86,7 @@ class Rival:
 
     @property
     def by_t(self) -> bool:
-        """Whether the named effect leaves next to nothing beside it."""
+        """Whether the named effect keeps next to nothing beside it."""
         return self.left < SETTINGS.told and self.gain >= EXPLAINS * self.own
 
     @property
@@ -125,10 +103,8 @@ class Rival:
         """
         kept, lost, same = self.left**2, self.own - self.gain, self.left**2 < 0.5 * self.own
         most = self.gain >= SETTINGS.most * self.own
-        much, beside = (
-            f"explains {percent(self.share)} as much",
-            f"{named} keeps t = {self.keeps:.1f}",
-        )
+        much = f"explains {percent(self.share)} as much"
+        beside = f"{named} keeps t = {self.keeps:.1f}"
         rules = (
             (self.by_t, f"beside it {beside}"),
             (most and kept < self.form * self.own,
@@ -147,9 +123,7 @@ class Rival:
     def inside(self) -> bool:
         """Whether the named effect is another form of it: it adds nothing, and lacks little.
 
-        Where the load is a function of the angle, friction that follows the angle holds every form
-        of friction that follows the load. That it fits better, with more numbers, is a matter of
-        form as long as it is no more than a form may miss.
+        So is friction over the angle of friction over the load, where this follows the angle.
         """
         return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
@@ -162,9 +136,8 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
-    made = []
-    for offer in (o for o in offers(dictionary, rest) if o.effect.name != effect.name):
-        made.append((gain_of(mine, np.concatenate([rest, offer.columns])), offer))
+    others = (o for o in offers(dictionary, rest) if o.effect.name != effect.name)
+    made = [(gain_of(mine, np.concatenate([rest, o.columns])), o) for o in others]
     found = []
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
@@ -180,11 +153,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
 
 
 def simplest(searcher: Searcher, work: Working) -> Working:
-    """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
-
-    A rival that explains less, and that only its form does not tell from it, is an alias, but no
-    equal.
-    """
+    """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
         equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
@@ -293,19 +262,16 @@ class Analysis:
     @cached_property
     def nested(self) -> list[Working]:
         """The base, and the model with one name more each."""
-        models, final = [self.base], self.final
-        for count in range(1, len(final.named)):
-            models.append(
-                self.searcher.fitted(final.having(final.effects[: final.base + count]))[0]
-            )
-        return [*models, final] if final.named else models
+        final, fitted = self.final, self.searcher.fitted
+        ends = range(final.base + 1, len(final.effects))
+        between = [fitted(final.having(final.effects[:end]))[0] for end in ends]
+        return [self.base, *between, *([final] if final.named else [])]
 
     @cached_property
     def unexplained(self) -> float:
         """Share of the gap above the noise floor that a flexible basis alone closes held out.
 
-        In the noise's own metric, where slow noise does not hide it; by the evidence where runs go
-        where no other went, so that squares on held-out folds tell nothing.
+        In the noise's own metric; by the evidence where runs go where no other went.
         """
         if not self.leftover.groups:
             return 0.0
@@ -350,7 +316,10 @@ def first_look(
     say("looking for orders")
     part.scan(base)
     say("noise")
-    return FirstLook(study, part, base, first_whitening(part.problem, _everything(part, base)))
+    every = [e for c in part.candidates(base.effects) for e in c.effects]
+    flexible = Functions(tuple(flexible_basis(part.problem, pairs=False)))
+    sheet = base.sheet(beside=list(dict.fromkeys(every)), given=flexible)
+    return FirstLook(study, part, base, first_whitening(part.problem, sheet))
 
 
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
@@ -396,32 +365,22 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     plain = searcher.pruned(simplest(searcher, final))
     if plain is not final:
         final, leftover = plain, leftover_of(ceiling, plain)
-    for name in [e.name for e in final.named]:
-        effect = next((e for e in final.named if e.name == name), None)
-        if effect is None or effect.info.remembers:
-            continue
-        if _of_one_part(ceiling, final, name, leftover):
-            rejected.append(name)
-            final, leftover = without(name)
+    for effect in final.named:
+        there = effect.name in [e.name for e in final.named]
+        if there and not effect.info.remembers and _of_one_part(ceiling, final, effect, leftover):
+            rejected.append(effect.name)
+            final, leftover = without(effect.name)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected), ceiling
     )
 
 
-def _everything(study: Study, work: Working) -> Sheet:
-    """Columns of the model, all candidates and functions of each channel."""
-    wanted = [e for c in study.candidates(work.effects) for e in c.effects]
-    flexible = Functions(tuple(flexible_basis(study.problem, pairs=False)))
-    return work.sheet(beside=list(dict.fromkeys(wanted)), given=flexible)
-
-
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
-    Nor may such a name close half of what is left without it. The gap is what names and
-    flexible functions explain. Where names explain more than half of it in the noise's own metric,
-    but not nearly all, the target's unit decides, on held-out folds: the noise sees more of what a
-    form misses, such as the shape of a jump.
+    Nor may such a name close half of what is left without it. The gap is what names and flexible
+    functions explain. Where names explain more than half of it in the noise's own metric, but not
+    nearly all, held-out folds decide in the target's unit, which shows less of what a form misses.
     """
     if not final.named or leftover.share >= 0.5:
         return None
@@ -437,8 +396,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
             return None
     found = []
     for effect in final.named:
-        rest, _ = solved_at(problem, final.without(effect.name), plain)
-        lacking = left(rest)
+        lacking = left(solved_at(problem, final.without(effect.name), plain)[0])
         opened = lacking - after
         if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
             found.append(effect.name)
@@ -452,45 +410,45 @@ def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
 
 
+def carried_load(problem: Problem, work: Working) -> list[Array]:
+    """Return the load that the model's effects carry, (N,) of each run; [] where one is known."""
+    own = [e.name for e in work.effects if e.info.carries_load and problem.known_load is None]
+    parts = [contribution(problem, work, name) for name in own]
+    return [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
+
+
 def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     """Channels that are nearly a function of each other; the load that is known, or the model's."""
-    own = [e.name for e in work.effects if e.info.carries_load]
-    carried = [contribution(problem, work, name) for name in own]
-    name = problem.known_load or "the load of the model"
-    seen = []
+    carried, seen = carried_load(problem, work), []
     for number, run in enumerate(problem.runs):
         channels = {c: run.log[c] for c in READ if c in run.log}
         channels["time"] = channels["time"] - channels["time"][0]
         if "known_load" in run.channels:
             channels["load"] = run.channels["known_load"]
-        elif own and problem.known_load is None:
-            channels["load"] = np.sum([part[number] for part in carried], axis=0)
+        elif carried:
+            channels["load"] = carried[number]
         rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
         seen.append({c: values[rows] for c, values in channels.items()})
-    found = dependences(seen, {"load": name})
+    known = problem.known_load
+    found = dependences(seen, {"load": known or "the load of the model"})
     trivial = ("load", "output_acceleration")  # what an inertia of the model carries
-    known = problem.known_load is not None
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover) -> bool:
+def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Leftover) -> bool:
     """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
 
     Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
-    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 of one that
-    acts forward alone, or grows with the speed where the name does not, and ½ where it is three
-    times as large forward. Beside all others it then explains at least c² of what f does by m².
-
-    Forms of friction and of resonances are off by such a part too. So the speed is asked about only
-    where the name's own channels carry all that is left, and that is more than a small part.
+    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 where it acts
+    forward alone or grows with the speed. The speed is asked about only where the name's own
+    channels carry all that is left, and that is more than a small part.
     """
-    problem, whitening = ceiling.problem, ceiling.whitening
+    problem, name = ceiling.problem, effect.name
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
     parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
     velocity = [run.log["output_velocity"] for run in problem.runs]
-    turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
-    (effect,) = (e for e in work.named if e.name == name)
+    turned, own = _left_by(ceiling, work, name, parts, [np.sign(v) for v in velocity])
     known = problem.known_load
     carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
     little = ceiling.share * leftover.net < SETTINGS.little * own
@@ -499,21 +457,17 @@ def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover)
     sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
     mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
     faster = [np.abs(v) / mean - 1.0 for v in velocity]
-    return 0.5 < _left_by(problem, work, whitening, name, parts, faster)[0] < 2.0
+    return 0.5 < _left_by(ceiling, work, name, parts, faster)[0] < 2.0
 
 
 def _left_by(
-    problem: Problem,
-    work: Working,
-    whitening: Whitening,
-    name: str,
-    parts: Sequence[Array],
-    by: Sequence[Array],
+    ceiling: Ceiling, work: Working, name: str, parts: Sequence[Array], by: Sequence[Array]
 ) -> tuple[float, float]:
     """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
     turned = tuple(f * m for f, m in zip(parts, by, strict=True))
     squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
-    table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
+    sheet = work.sheet(given=Functions(column=turned))
+    table = tabulated(ceiling.problem, sheet, ceiling.whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     last = np.array([len(model)])
     own = table.gain(model[owners == name], model[owners != name])
@@ -532,13 +486,11 @@ def _stand_in(
 ) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
-    That is one of which functions of a flexible basis hold most, where they still explain a part as
-    large as a small part of it; or one beside which they explain far more. Where names explain
-    nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked (`_small`). Where no more is
-    left than the form of a name may miss, no name is taken back. `at_first`: what was left before
-    any name was taken back, in χ²; a name that was is part of what is left now, and no reason to
-    take back others.
+    That is one of which functions of a flexible basis hold most, where they still explain a small
+    part of it; or one beside which they explain far more. Where names explain nearly all, only
+    those that explain little of it are asked (`_small`); where no more is left than the form of a
+    name may miss, none. `at_first`: what was left before any name was taken back, in χ²: a name
+    that was is part of what is left now.
     """
     if not leftover.groups or not work.named:
         return None
@@ -549,8 +501,8 @@ def _stand_in(
     shares = {name: leftover.net / max(gain, TINY)
               for name, gain in gains.items() if small is None or name in small}  # fmt: skip
     larger = SETTINGS.overwhelming if small is None else 1.0
-    spurious = [n for n, share in shares.items()
-               if share > larger * leftover.net / max(at_first, TINY)
-               or (share > SETTINGS.little
-                   and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
+    most = larger * leftover.net / max(at_first, TINY)
+    held = [name for name in shares if leftover.survives[name] < SETTINGS.stand_in]
+    spurious = [name for name, share in shares.items()
+                if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
     return max(spurious, key=lambda name: shares[name], default=None)

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, contribution
+from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.candidates import shaped
-from flexspline.discovery.confirmation import Confirmed, together, wald
+from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import (
@@ -33,10 +32,11 @@ from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
-from flexspline.regression.candidate_model import HeldOut, held_out, rmse_error
+from flexspline.regression.candidate_model import held_out, rmse_error
 from flexspline.regression.gram import TINY, by_runs
 
 __all__ = ["assembled", "where"]
@@ -86,11 +86,8 @@ def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
         known = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1]
         words = [_told(order, p, facts) for order in own for p in known]
         told = "; ".join(word for word in words if word)
-        said.append(
-            f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))} of "
-            + pair.replace("_", " ")
-            + (f" ({told})" if told else "")
-        )
+        orders = f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))}"
+        said.append(f"{orders} of {pair.replace('_', ' ')}{f' ({told})' if told else ''}")
     return ", ".join(said)
 
 
@@ -137,13 +134,14 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    before, after, steps = made.before, made.after, made.errors
+    steps = held.steps.rmse
+    own = rmse_error(held.steps.residuals[-1], problem.block_rows)
     unexplained, floor = (
-        _unexplained(made, after, steps)
-        or _again(made, after, steps)
-        or (None, NoiseFloor(steps[-1], rmse_error(after), BY_NAMES))
+        _unexplained(made, steps, own)
+        or _again(made, steps, own)
+        or (None, NoiseFloor(steps[-1], own, BY_NAMES))
     )
-    groups = together(steps)
+    groups, named = together(steps), [e.name for e in made.final.named]
     found = [
         _found(held, effect, group, (steps[first], steps[last]))
         for first, last in groups
@@ -151,7 +149,7 @@ def assembled(
         for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
-    plan = planned(problem, made.final, made.whitening, pairs, shaped, fit, limits)
+    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],
@@ -165,10 +163,10 @@ def assembled(
         unexplained=unexplained,
         next_experiment=plan.sentence if plan else None,
         fit=fit,
-        runs=_runs(made, before, after),
-        motion=driven_apart(made, before, after, fit.model.facts),
+        runs=_runs(made, held.steps.residuals[0], held.steps.residuals[-1]),
+        motion=driven_apart(made, fit.model.facts),
         not_tried=made.study.not_tried,
-        refused=_refused(made),
+        refused={name: why for name, why in made.searcher.refused.items() if name not in named},
         doubted=made.rejected,
         plan=plan,
         also_seen=held.also_seen,
@@ -179,49 +177,42 @@ def assembled(
     )
 
 
-def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:
+def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:
     """What both models predict of folds that they never saw, and the load if it is known in Nm."""
     problem, final = made.study.problem, made.final
-    own = [e.name for e in final.effects if e.info.carries_load]
-    loads: list[Array | None] = [run.channels.get("known_load") for run in problem.runs]
-    if problem.known_load is None and own and UNITS[problem.target] == "Nm":
-        parts = [contribution(problem, final, name) for name in own]
-        loads = [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
+    loads: Sequence[Array | None] = [run.channels.get("known_load") for run in problem.runs]
+    if UNITS[problem.target] == "Nm":
+        loads = carried_load(problem, final) or loads
     return tuple(
         HeldRun(run.log, run.target, run.target - base, run.target - last, load)
-        for run, base, last, load in zip(
-            problem.runs, before.residuals, after.residuals, loads, strict=True
-        )
+        for run, base, last, load in zip(problem.runs, before, after, loads, strict=True)
     )
 
 
 def _unexplained(
-    made: Analysis, left: HeldOut, steps: list[float]
+    made: Analysis, steps: list[float], own: float
 ) -> tuple[Unexplained, NoiseFloor] | None:
     """What functions of the channels tell of what is left, if it matters; and the floor below.
 
     Where folds go where no other goes, functions lower nothing on them, and all that is left is the
-    bound of the noise.
+    bound of the noise. `own`: standard error of the last step.
     """
     if not made.leftover.groups or made.unexplained < SETTINGS.bends:
         return None
     told = Unexplained(made.unexplained, tuple(made.leftover.channels))
     problem, rows = made.part.problem, made.fitted_as
     beside = held_out(problem, made.final, rows, Functions(made.leftover.groups))
-    scale = 1.0
-    if made.part is not made.study:
-        scale = steps[-1] / held_out(problem, made.final, rows).rmse
+    scale = steps[-1] / held_out(problem, made.final, rows).rmse
     floor = scale * beside.rmse
     if floor >= steps[-1]:
-        return told, NoiseFloor(steps[-1], rmse_error(left), BY_NAMES)
-    return told, NoiseFloor(min(floor, *steps), scale * rmse_error(beside), BY_FUNCTIONS)
+        return told, NoiseFloor(steps[-1], own, BY_NAMES)
+    error = scale * rmse_error(beside.residuals, problem.block_rows)
+    return told, NoiseFloor(min(floor, *steps), error, BY_FUNCTIONS)
 
 
-def _again(
-    made: Analysis, left: HeldOut, steps: list[float]
-) -> tuple[Unexplained, NoiseFloor] | None:
+def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained, NoiseFloor] | None:
     """What comes again at the same place in other folds, if it matters; and the floor below it."""
-    again = repeated(left)
+    again = repeated(made.after)
     if again is None:
         return None
     share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
@@ -230,7 +221,7 @@ def _again(
     known = made.study.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
     floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
-    error = np.hypot(steps[-1] * rmse_error(left), 0.5 * again.error) / max(floor, TINY)
+    error = np.hypot(steps[-1] * own, 0.5 * again.error) / max(floor, TINY)
     bound = NoiseFloor(floor, float(error), BY_PLACE)
     return Unexplained(float(min(share, 1.0)), tuple(channels)), bound
 
@@ -294,8 +285,3 @@ def _evidence(
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."
-
-
-def _refused(made: Analysis) -> dict[str, str]:
-    named = {e.name for e in made.final.named}
-    return {name: why for name, why in made.searcher.refused.items() if name not in named}

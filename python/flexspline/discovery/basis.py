@@ -3,21 +3,18 @@
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
 for two), which follow every smooth function; a channel times every function of another; orders of
-the motor's angle, one by one and together; and what a channel was some time ago. What they explain
-on held-out folds beyond the named effects is "unexplained", and the channels are those it depends
-on.
+the motor's angle, one by one and together; and what a channel was some time ago.
 
 Any linear cause with memory is a sum of first-order lags of its channel x with time constants T,
 
     T dz/dt + z = x,     z = x at the start
 
-Some T, in geometric steps from two samples to half of the longest run, stand for all: heat that
-flows, a filter, a sensor that creeps. They tell an unknown cause with memory from slow noise.
+Some T, in geometric steps from two samples to half of the longest run, stand for all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -34,23 +31,9 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
-__all__ = [
-    "DIRECTION",
-    "LEAD",
-    "MOST_ROWS",
-    "RATE",
-    "ROUND",
-    "BasisFunctions",
-    "Bent",
-    "Functions",
-    "bent_forms",
-    "channel_told",
-    "flexible_basis",
-    "past_of",
-    "places_of",
-    "turning_over",
-    "values_of",
-]
+__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "BasisFunctions", "Functions", "bent_forms",
+           "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
+           "values_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -100,10 +83,7 @@ LAGGED = ("temperature", "motor_torque")
 
 
 def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
-    """Return what functions may depend on at some rows of a run by name, (n,) each.
-
-    Of what a channel was, (n, lags).
-    """
+    """Return what functions may depend on at some rows of a run: (n,), of the past (n, lags)."""
     run, found = problem.runs[number], _channels(problem)
     made = {name: run.log[name][rows] for name in found}
     if "time" in made:
@@ -120,24 +100,17 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
 
 
 def _past(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what channels of a run were some time ago, (N, lags) each."""
-    longest = problem.once("longest run", lambda: _longest(problem))
-    if longest is None:
+    """What channels of a run were some time ago, (N, lags) each; nothing of very long runs."""
+    if max(len(run) for run in problem.runs) > MOST_ROWS:
         return {}
 
     def made() -> dict[str, Array]:
+        longest = max(float(np.ptp(run.log["time"])) for run in problem.runs)
         log = problem.runs[number].log
         values = {name: log[name] for name in _channels(problem)}
         return past_of(log["time"], values, [*LAGGED, problem.known_load or ""], longest)
 
     return problem.once(("lags", number), made)
-
-
-def _longest(problem: Problem) -> float | None:
-    """How long the longest run lasts, s; None where its past is not looked at."""
-    if max(len(run) for run in problem.runs) > MOST_ROWS:
-        return None
-    return max(float(np.ptp(run.log["time"])) for run in problem.runs)
 
 
 def _rate(load: Array, time: Array, rows: slice) -> Array:
@@ -233,22 +206,18 @@ def _flexible(sample: Values) -> tuple[list[BasisFunctions], list[BasisFunctions
 def _sample(problem: Problem) -> Values:
     """Every fourth row of all runs that counts, made a window at a time."""
 
+    every, step = SETTINGS.tried, SETTINGS.tried * SETTINGS.rows
+
     def made() -> Values:
         parts = [
-            {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
+            {name: values[::every] for name, values in values_of(problem, number, rows).items()}
             for number, run in enumerate(problem.runs)
             for first, last in run.stretches
-            for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
+            for rows in (slice(row, min(row + step, last)) for row in range(first, last, step))
         ]
         return {name: np.concatenate([values[name] for values in parts]) for name in parts[0]}
 
     return problem.once("sample", made)
-
-
-def windows(size: int, step: int, first: int = 0) -> Iterator[slice]:
-    """Cut rows [first, first + size)."""
-    last = first + size
-    return (slice(row, min(row + step, last)) for row in range(first, last, step))
 
 
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:
@@ -274,10 +243,7 @@ def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
 
 
 def places_of(problem: Problem) -> Functions:
-    """Hats at every place of the output's angle, wide ones and narrow ones, evenly spread.
-
-    None where it is not measured.
-    """
+    """Hats of three widths at every place of the output's angle; none where it is not measured."""
     angle = _sample(problem).get("output_position")
     if angle is None:
         return Functions(())
@@ -333,8 +299,6 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | Non
     """Another way in which sliding friction takes its level: algebraic where the effect's is tanh.
 
     None where no effect is sliding friction, or the speed is not measured.
-
-    tanh is within a hundredth of its level at 2.6 widths, an algebraic turn of the same slope at 7.
     """
     widths = [e.shapes[WIDTH] for e in effects if e.name == COULOMB and WIDTH in e.shapes]
     if not widths or "output_velocity" not in _channels(problem):

@@ -1,19 +1,12 @@
 """What may be missing: effects in several shapes, orders of ripple, freedoms of the base.
 
-A candidate is an effect in several shapes, of which one is right at most: a Stribeck speed lies
-among the speeds of the runs, the width of a loop among its turns, a time constant between two
-samples and half a run, a resonance among the orders times the speeds; where nothing tells, the
-bounds of the catalogue do. A ripple effect is a pool of orders (its atoms), of which several may be
-there: the low ones of its pairs, those of facts, and those that a scan finds in the residual. Low
-orders are few and known beforehand, so that one of them needs less evidence than a peak of a scan
-over thousands. Which effects are no candidates is said, with the reason.
+A candidate is an effect in several shapes (`shaped`), of which one is right at most. A ripple
+effect is a pool of orders (its atoms), of which several may be there: the low ones of its pairs,
+those of facts, and those that a scan finds in the residual.
 
-Freedoms are no names but what a base is given for its form, and for the recorder. Gears, seals and
-preloaded bearings brake by some per cent more one way than the other: a base of odd friction leaves
-an even part |v| of it, which is plain in long runs and looks like whatever is slow. And a load cell
-has a clock and a filter of its own: where it is late by a millisecond, the known load that is taken
-off the target leaves as much as friction does at a reversal. What stays in the model is what is
-significant in the final fit and lowers the held-out error.
+Freedoms are no names but what a base is given for its form, and for the recorder: friction that
+differs by some per cent between the directions, and a load cell whose clock and filter make it
+late. They stay where they are significant in the final fit and lower the held-out error.
 """
 
 from __future__ import annotations
@@ -21,15 +14,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
+from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
 from flexspline.effects.causes import (
     BASIC_FRICTION,
     COGGING,
@@ -44,7 +35,6 @@ from flexspline.effects.causes import (
     WAVE_GENERATOR_RIPPLE,
 )
 from flexspline.errors import InputError
-from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
@@ -52,26 +42,12 @@ from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
 from flexspline.orders.parts import Candidate as OrderCandidate
 from flexspline.orders.parts import Pair, owner, pairs
+from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
-__all__ = [
-    "EXCLUDED",
-    "ONE_SINE",
-    "TAKEN",
-    "Candidate",
-    "candidates_for",
-    "freedoms",
-    "held_of",
-    "joined",
-    "order_pools",
-    "possible",
-    "scanned",
-    "shaped",
-    "span_of",
-    "unseen",
-    "unseen_of",
-    "with_freedoms",
-]
+__all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
+           "joined", "order_pools", "possible", "scanned", "span_of", "unseen", "unseen_of",
+           "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"
@@ -87,8 +63,8 @@ def freedoms(
 ) -> tuple[str, ...]:
     """Return the names of what the base is given; `noise`: of each channel.
 
-    Nothing where neither the angle nor the known load is noisy: such runs come from a simulation,
-    whose friction is odd. The noise of the target tells nothing of that.
+    Nothing where neither the angle nor the known load is noisy: so are simulated runs, whose
+    friction is odd.
     """
     recorded = [noise[name] for name in {ANGLE, known_load or ANGLE} if name in noise]
     if target == "torsion" or not any(one.noisy for one in recorded):
@@ -115,9 +91,7 @@ def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
 def held_of(effects: Sequence[Effect], given: Sequence[str], problem: Problem) -> dict[str, float]:
     """Return what is held of the freedoms `given` to these effects.
 
-    Beside no offset, a level of the base would be one, and where no row that counts is slow, it is
-    one. A delay of the load is seen in its slope at once: over what time the slope is taken is not
-    looked for.
+    A level by direction is an offset where no row that counts is slow, or none is in the model.
     """
     held: dict[str, float] = {}
     names = {effect.name: effect for effect in effects}
@@ -153,70 +127,6 @@ def _both_ways(logs: Sequence[Log]) -> bool:
     return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)
 
 
-Array = NDArray[np.float64]
-
-SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
-UNIT_CHANNELS = {
-    "rad/s": ("output_velocity",),
-    "Nm": ("known_load",),
-    "rad": ("output_position", "motor_position"),
-}
-
-
-def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[Effect]:
-    """Return the effect with each combination of shapes that is worth screening."""
-    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
-    own = {name: value for name, value in known.items() if name in effect.shapes}
-    effect = effect.with_shapes(**own)
-    free = [s for s in effect.fitted_shapes if s.name not in own]
-    count = max(SETTINGS.points - 2 * max(len(free) - 1, 0), 2)
-    grids = [_grid(effect, shape, problem, count) for shape in free]
-    names = [shape.name for shape in free]
-    return [
-        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
-    ]
-
-
-def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
-    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
-    low, high = problem.once(key, lambda: _range(effect, shape, problem))
-    low, high = max(low, shape.lower), min(high, shape.upper)
-    if not low < high:
-        return [float(np.clip(shape.default, shape.lower, shape.upper))]
-    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
-    return [float(value) for value in inside]
-
-
-def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
-    if shape.unit == "s":
-        step = min(1.0 / run.log.rate for run in problem.runs)
-        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
-    wanted = UNIT_CHANNELS.get(shape.unit, ())
-    reads = ("known_load" if name == "load" else name for name in effect.reads)
-    for name in (name for name in reads if name in wanted):
-        found = [run.channels[name] for run in problem.runs if name in run.channels]
-        sizes = [_size(values, shape.unit) for values in found]
-        if sizes and max(sizes) > 0.0:
-            if effect.ripple:
-                return _resonance(effect, max(sizes))
-            return 0.5 * SETTINGS.negligible * max(sizes), max(sizes)
-    return shape.lower, shape.upper
-
-
-def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
-    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
-    orders = [order for order, _ in effect.harmonics] or [1]
-    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
-
-
-def _size(values: Array, unit: str) -> float:
-    """The largest without the outermost per cent; of angles half the way from end to end."""
-    if unit != "rad":
-        return float(np.quantile(np.abs(values), 1.0 - 0.5 * SETTINGS.negligible))
-    low, high = np.quantile(values, (0.5 * SETTINGS.negligible, 1.0 - 0.5 * SETTINGS.negligible))
-    return float(max(high - low, 0.0)) / 2.0
-
-
 ONE_SINE = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
 WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
@@ -231,11 +141,16 @@ def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[F
 
 
 def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
-    """Return the orders of two scans, each once, the strongest of each scan first."""
-    known = {(line.order, line.pair) for line in before}
-    return before[: SETTINGS.functions // 2] + tuple(
-        f for f in after if (f.order, f.pair) not in known
-    )
+    """Return the orders of two scans, each once, the strongest of each scan first.
+
+    What is left after the first scan may peak beside an order that it had, within its resolution.
+    """
+
+    def known(line: FoundOrder) -> bool:
+        apart = (abs(line.per_output_turn - b.per_output_turn) / b.resolution for b in before)
+        return min(apart, default=np.inf) < 1.0
+
+    return before[: SETTINGS.functions // 2] + tuple(line for line in after if not known(line))
 
 
 def order_pools(
@@ -248,18 +163,18 @@ def order_pools(
 ) -> dict[str, tuple[Harmonic, ...]]:
     """Return the orders to try for each ripple effect.
 
-    One that pole pairs or slots claim is tried as a wave generator's too, where it may be its
-    overtone.
-    An effect that follows others (a resonance of their ripple) has the orders that these have in
-    the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
-    order half a period has to be seen, or it is an offset and a slope.
+    One that pole pairs or slots claim is a wave generator's too, where it may be its overtone. A
+    resonance of other ripple has the orders of that, or the strongest found. `span`: rad that the
+    output goes; of a low order half a period has to be seen, or it is an offset and a slope.
     """
     taken = {h for e in model for h in e.harmonics if e.name != MODULATED_RIPPLE}
     taken |= {ONE_SINE for e in model if e.name == GRAVITY}
     scanned_out = any(line.pair == "output_housing" for line in found)
     low = [(k, pair) for k, pair in _low(facts, scanned_out) if k * span * abs(pair.turns) >= np.pi]
-    wanted = [(_owner(k, pair, facts), (k, CORE_PAIRS[pair.name]))
-              for k, pair in [*low, *_of_facts(facts)]]  # fmt: skip
+    wanted = []
+    for k, pair in [*low, *_of_facts(facts)]:
+        name, _ = owner(OrderCandidate(k, pair, k * pair.turns), facts, alone=False)
+        wanted.append((name, (k, CORE_PAIRS[pair.name])))
     for line in found[: SETTINGS.functions]:
         if isinstance(line.order, int) and line.pair:
             name = OUTPUT_RIPPLE if line.effect == GRAVITY else line.effect
@@ -276,15 +191,15 @@ def order_pools(
     seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
             if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *seen]))
-    return {name: _allowed(name, own[name]) for name in names if own.get(name)}
+    return {
+        name: tuple(h for h in own[name] if h[1] in CATALOGUE[name].pairs)[: _core.max_harmonics]
+        for name in names
+        if own.get(name)
+    }
 
 
 def _is_overtone(line: FoundOrder, found: Sequence[FoundOrder]) -> bool:
-    """Whether an order is twice a larger one of the wave generator: both may be its ripple.
-
-    Its angle is that of the motor where the fixed part is the housing; one cause is simpler than
-    two.
-    """
+    """Whether an order is twice a larger one of the wave generator: both may be its ripple."""
     return any(
         abs(line.per_output_turn - 2.0 * one.per_output_turn) < one.resolution
         for one in found
@@ -302,9 +217,8 @@ def span_of(problem: Problem) -> float:
 def unseen(effect: Effect, span: float) -> list[int]:
     """Numbers of the terms that wave too slowly over the joint's angle for these runs to show.
 
-    Of an order a quarter of a period has to be seen: friction that waves less than that is a
-    constant and a slope, and such waves are large and cancel each other. The fastest is told at any
-    span. Ripple asks for a half (`order_pools`), but its orders are chosen one by one.
+    Of an order a quarter of a period has to be seen, or it is a constant and a slope. The fastest
+    is told at any span. Ripple asks for a half (`order_pools`).
     """
     orders = [int(t.name.split()[-1]) if WAVE.fullmatch(t.name) else 0 for t in effect.terms]
     fastest = max(orders, default=0)
@@ -319,16 +233,11 @@ def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
     return {f"{e.name}.{e.terms[k].name}": 0.0 for e in effects for k in unseen(e, span)}
 
 
-def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:
-    known = CATALOGUE[name].pairs
-    return tuple(h for h in orders if h[1] in known)[: _core.max_harmonics]
-
-
 def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
     """Low orders of every pair whose angle is another than those before.
 
-    `scanned_out`: whether a scan sees ripple of the output. Over less than a turn it tells orders
-    that lie far apart alone, and takes one for two: then all that it may have seen are tried.
+    `scanned_out`: whether a scan sees ripple of the output. It may take one order for two: then all
+    that it may have seen are tried.
     """
     kept: list[Pair] = []
     for pair in pairs(facts):
@@ -347,11 +256,6 @@ def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
     if "gear_ratio" not in facts:
         return []
     return [(k * count, pair) for pair in motor for count in counts if count > 1 for k in (1, 2)]
-
-
-def _owner(order: int, pair: Pair, facts: Mapping[str, Any]) -> str:
-    name, _ = owner(OrderCandidate(order, pair, order * pair.turns), facts, alone=False)
-    return name
 
 
 PAIRED = {info.name: info.combines for info in CATALOGUE.values() if info.combines}
@@ -455,7 +359,7 @@ def candidates_for(
         if effect.name in names or not _loaded([*model, effect], problem):
             continue
         effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
-        variants = shaped(effect, tuple(model), problem)
+        variants = shaped(effect, tuple(model), problem, SETTINGS.points)
         if not effect.ripple:
             made.append(Candidate(effect.name, tuple(variants)))
         elif pools.get(effect.name):

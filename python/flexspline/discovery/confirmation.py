@@ -1,7 +1,7 @@
 """What a name has to show before it is the answer: in the fit that is returned, and held out.
 
-A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
-reader asks two plain questions, and a name that fails one of them is withdrawn:
+A search weighs evidence in the metric of the noise. A reader asks plain questions, and a name that
+fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
                                             with its shapes held, t > 2 without
@@ -10,23 +10,22 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             more than two standard errors
 
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
-the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
+the error of a coefficient large that the runs tell from zero well [Davies1987]. So the test holds
 them; but neither may the errors that are printed reach zero.
 
 Nor is it a name where something else is four times as likely: of any, other effects that explain as
-much; of the first, what no name explains as well. Where that is more than what all names explain,
-held out, what is missing is not known, and none of them is the answer. Nor is the later of two
-names whose coefficients are all confounded with each other's. Of several names, one that closes
-less than a form may miss of what all of them close held out, and less than a hundredth of what is
-left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
-is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
-the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
+much; of the first, what no name explains as well. Where that is more than all names explain held
+out, none of them is the answer. Nor is the later of two names whose coefficients are confounded.
+Of several names, one that closes less than a form may miss of what all of them close held out, and
+less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
+real but too small to matter (`AlsoSeen`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +39,7 @@ from flexspline.discovery.result import (
     NOT_LOWER,
     NOT_SIGNIFICANT,
     UNLIKELY,
+    UNSETTLED,
     UNTOLD,
     confidence,
     doubt,
@@ -47,15 +47,17 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of, share_missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
+from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
-from flexspline.least_squares.result import Fit
+from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.checks.dependence import Dependence
-from flexspline.regression.candidate_model import HeldOut, Working, fall_of
-from flexspline.regression.gram import SINGULAR, TINY
+from flexspline.regression.candidate_model import HeldOut, Working, fall_of, rmse_of
 
-__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together", "wald"]
+__all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance",
+           "together"]  # fmt: skip
 
 Array = NDArray[np.float64]
+Residuals = tuple[Array, ...]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 SMALL, UNSEEN = "too small to matter", "too small to be seen held out"
@@ -83,7 +85,7 @@ class Shown:
 
     `p`: of Wald's test, its shapes held; `loose`: t with them free. `fall`, `error`: of the
     held-out mean square when the name joins the others, and its standard error. `share`: of what
-    all names close. `rmse`: without it, with it. `square`: χ² of the same test.
+    all names close. `without`: RMSE without it. `square`: χ² of the same test.
     """
 
     effect: Effect
@@ -92,7 +94,7 @@ class Shown:
     fall: float
     error: float
     share: float
-    rmse: tuple[float, float]
+    without: float
     loose: float = np.inf
     square: float = np.inf
 
@@ -114,35 +116,57 @@ class Sure:
     doubt: str
 
 
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What `fit` leaves of rows held out, (N,) of each run: of the base, with one name more each.
+
+    The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
+    model to the same runs.
+    """
+
+    residuals: tuple[Residuals, ...]
+
+    @cached_property
+    def rmse(self) -> list[float]:
+        """In the target's unit, of each model."""
+        return [rmse_of(left) for left in self.residuals]
+
+
 @dataclass(frozen=True)
 class Confirmed:
     """The analysis with the names that hold, what each shows, the fit of its model.
 
     `also_seen`: effects that are real but too small to matter. `rivals`: of each name, best first.
-    `sure`: of each name.
+    `sure`: of each name. `steps`: what is left as one name joins after the other.
     """
 
     made: Analysis
     fit: Fit
+    steps: Steps
     shown: Mapping[str, Shown]
     also_seen: tuple[AlsoSeen, ...]
     rivals: Mapping[str, Sequence[Rival]]
     sure: Mapping[str, Sure]
 
 
-def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
+def confirmed(
+    made: Analysis,
+    fitted: Callable[[Working], Fit],
+    left_by: Callable[[Working], Residuals],
+    base: Sequence[str],
+) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters
     ----------
-    fitted : makes the fit of a model.
+    fitted, left_by : make the fit of a model, and what fits of it leave of rows held out.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
-    small: list[AlsoSeen] = []
+    small: list[Shown] = []
     made = _in_order(_settled(made, base))
     while True:
-        fit = fitted(made.final)
+        made, fit = _fitted(made, fitted)
         if fit.generalised != made.generalised:
             before, made = made, _in_order(replace(made, generalised=fit.generalised))
             fit = fit if made.final is before.final else fitted(made.final)
@@ -153,16 +177,37 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
             unlikely = _unlikely(rivals, sure)
             lesser = list(rivals) if made.unexplained > 0.5 else []
-            if not unlikely and not lesser:
-                return Confirmed(made, fit, shown, tuple(small), rivals, sure)
-            name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
+            if unlikely or lesser:
+                name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
+            else:
+                steps = _steps(made, fit, left_by)
+                rising = _rising([*shown.values()], steps.rmse)
+                if rising is None:
+                    seen = _also_seen(made, small, steps.rmse[-1], left_by)
+                    return Confirmed(made, fit, steps, shown, seen, rivals, sure)
+                name, why = rising.effect.name, NOT_LOWER
         if why == SMALL:
-            one = shown[name]
-            small.append(AlsoSeen(name, *one.rmse, one.t, float(np.clip(one.share, -1.0, 1.0))))
+            small.append(shown[name])
             made.searcher.refused.pop(name, None)  # of an earlier step
         elif why:
             made.searcher.refused[name] = why
         made = made.without(name)
+
+
+def _fitted(made: Analysis, fitted: Callable[[Working], Fit]) -> tuple[Analysis, Fit]:
+    """The fit, without names that read a load of the model which does not settle beside them.
+
+    The search takes a few rounds from the load of the model before.
+    """
+    while True:
+        try:
+            return made, fitted(made.final)
+        except UnsettledError:
+            reading = [effect.name for effect in made.final.named if "load" in effect.reads]
+            if not reading:
+                raise
+            made.searcher.refused[reading[-1]] = UNSETTLED
+            made = made.without(reading[-1])
 
 
 def _weakest(
@@ -175,7 +220,7 @@ def _weakest(
     if failing := [one for one in shown if one.withdrawn]:
         worst = max(failing, key=lambda one: (one.p, -one.share))
         return worst.effect.name, worst.withdrawn
-    if rising := _rising(made, shown):
+    if rising := _rising(shown, made.errors):
         return rising.effect.name, NOT_LOWER
     if untold := _untold(fit, shown):
         return untold, UNTOLD
@@ -191,7 +236,7 @@ def _weakest(
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     """The last name that shows no more in the final fit than forms of others may miss; "" of none.
 
-    The search asked it in the metric of its noise. What is certain may be small beside a large one.
+    What is certain may be small beside a large one.
     """
     for one in reversed(shown):
         others = [other for other in shown if other is not one]
@@ -204,10 +249,9 @@ def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
 def together(errors: Sequence[float]) -> list[tuple[int, int]]:
     """Cut the names, which join one after the other, into groups after which the error is lower.
 
-    `errors`: held out, of the base and with each name more. A group is [first, last) of the names.
-    Mostly it is one name; one that raises the error is in a group with those that make up for it:
-    waves of friction show once its course over the speed is right, and the other way round. Names
-    that nothing makes up for are a last group that is not lower.
+    `errors`: held out, of the base and with each name more. A group is [first, last) of the names:
+    one, or one that raises the error with those that make up for it. Names that nothing makes up
+    for are a last group that is not lower.
     """
     groups, first = [], 0
     for last in range(1, len(errors)):
@@ -217,12 +261,11 @@ def together(errors: Sequence[float]) -> list[tuple[int, int]]:
     return groups if first == len(errors) - 1 else [*groups, (first, len(errors) - 1)]
 
 
-def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
+def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
     """The weakest name that raises the held-out error as it joins those before it; None of none.
 
     In a group that lowers it together, each has to do so beside all others beyond chance.
     """
-    errors = made.errors
     raised = [
         one
         for first, last in together(errors)
@@ -232,11 +275,33 @@ def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
     return max(raised, key=lambda one: one.p, default=None)
 
 
-def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
-    """The later of two names that are confounded as wholes; "" of none.
+def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) -> Steps:
+    last = [tuple(run.held_out for run in fit.runs)] if made.final.named else []
+    before = made.nested[:-1] if last else made.nested
+    return Steps((*map(left_by, before), *last))
 
-    Their sum is known and neither of them: a bump over an angle is gravity and a ripple at once.
-    """
+
+def _also_seen(
+    made: Analysis,
+    small: Sequence[Shown],
+    without: float,
+    left_by: Callable[[Working], Residuals],
+) -> tuple[AlsoSeen, ...]:
+    """Those of the small effects that lower the error held out beside the names, if by little."""
+    found = []
+    for one in small:
+        beside, _ = made.searcher.fitted(made.final.with_effects(one.effect))
+        error = rmse_of(left_by(beside))
+        if error < without:
+            share = float(np.clip(one.share, -1.0, 1.0))
+            found.append(AlsoSeen(one.effect.name, without, error, one.t, share))
+        else:
+            made.searcher.refused[one.effect.name] = UNSEEN
+    return tuple(found)
+
+
+def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
+    """The later of two names that are confounded as wholes; "" of none."""
     terms = {e.name: set(coefficient_names([e])) for e in (one.effect for one in shown)}
     for group in fit.confounded:
         within = [name for name, own in terms.items() if own <= {*group.names}]
@@ -268,20 +333,14 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
 
 
 def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
-    """Names that something else is four times as likely as; what no name explains bars the first.
-
-    Behind a first name that is likely, a small one that lowers the held-out error may stay.
-    """
+    """Names that others are four times as likely as; what no name explains bars the first alone."""
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
     return [name for number, name in enumerate(rivals)
             if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
-    """The rival that reads a channel which these runs hardly tell from one of the effect's.
-
-    What remembers is no function of a channel, and of none that follows it.
-    """
+    """The rival with the channel that ties it to the effect; what remembers is tied by none."""
     alike = rival.effect.info.remembers == effect.info.remembers
     reads = effect.info.reads, rival.effect.info.reads
     own = (one.said for one in tied if alike and one.swapped(*reads))
@@ -292,40 +351,13 @@ def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     """Those of several names that are too small to matter beside the others."""
     plain = SETTINGS.little * max((one.t for one in shown), default=0.0)
     little = [one for one in shown if one.share < SETTINGS.form and one.t < plain
-              and one.fall < SETTINGS.negligible * one.rmse[0] ** 2]  # fmt: skip
+              and one.fall < SETTINGS.negligible * one.without**2]  # fmt: skip
     return little if len(shown) > 1 else []
 
 
 def significance(fit: Fit, name: str, *, held: bool = False) -> float:
     """Return p of Wald's test that all fitted coefficients of an effect are zero; 1 of none."""
     return float(chi2.sf(*wald(fit, name, held=held)))
-
-
-def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
-    """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
-
-    ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
-    shapes where they are.
-    """
-    known = fit.part.record["covariance"]["names"]
-    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
-    values = {p.name: p.value for p in fit.parameters}
-    at = [k for k, own in enumerate(known) if own in terms]
-    if not at:
-        return 0.0, 1
-    beta = np.array([values[known[k]] for k in at])
-    spread = fit.covariance[np.ix_(at, at)]
-    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
-    if held and own:
-        across = fit.covariance[np.ix_(own, at)]
-        shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)
-        spread = spread - across.T @ shapes @ across
-    scale = np.sqrt(np.maximum(np.diag(spread), TINY))
-    if np.all(scale <= SINGULAR * np.abs(beta)):
-        return np.inf, len(at)  # runs without noise
-    scaled = spread / np.outer(scale, scale)
-    told = np.linalg.lstsq(scaled, beta / scale, rcond=SINGULAR)[0]
-    return float((beta / scale) @ told), len(at)
 
 
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
@@ -342,17 +374,15 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         share = fall / gap if gap > 0.0 else 1.0
         square, count = wald(fit, effect.name, held=True)
         p, loose = float(chi2.sf(square, count)), equivalent_t(*wald(fit, effect.name))
-        rmse = rest.rmse, whole.rmse
-        shown.append(Shown(effect, p, t, fall, error, share, rmse, loose, square))
+        shown.append(Shown(effect, p, t, fall, error, share, rest.rmse, loose, square))
     return shown
 
 
 def _fall(rest: HeldOut, whole: HeldOut) -> tuple[float, float]:
     """By how much a model with a name more lowers the mean square held out, and its error.
 
-    Every model predicts a fold badly that goes far beyond all others, to angles or speeds that
-    these never saw; that error is no chance. Where the mean square falls with that fold too, the
-    fall may be significant on the others alone.
+    A fold that goes far beyond all others is predicted badly by every model. Where the mean square
+    falls with it too, the fall may be significant on the others alone.
     """
     length = whole.problem.block_rows
     fall, error = fall_of(rest.residuals, whole.residuals, length)
@@ -371,10 +401,7 @@ def _but_fold(held: HeldOut, number: int) -> list[Array]:
 
 
 def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
-    """Take out what the base was given, where it lowers the held-out error by no more than chance.
-
-    It needs no fit, and comes before the names are put to the test.
-    """
+    """Take out what the base was given, where it does not lower the held-out error (`_lowers`)."""
     for name in (e.name for e in made.base.effects if e.name not in base):
         if not _lowers(made, name):
             made = made.without(name)
@@ -384,8 +411,7 @@ def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
 def _lowers(made: Analysis, name: str) -> bool:
     """Whether what the base was given lowers the held-out error beyond chance.
 
-    It is given to every base, and may be what one of the runs shows for another reason: it has to
-    do so without the fold that shows it most, too.
+    It has to do so without the fold that shows it most, too, which may have another reason.
     """
     before, after = made.left_by(made.final.without(name)), made.after
     at = [(fold.run, slice(fold.first, fold.last)) for fold in after.folds]

@@ -18,24 +18,21 @@ from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_l
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, unseen_of, with_freedoms
-from flexspline.discovery.confirmation import Confirmed, confirmed
+from flexspline.discovery.confirmation import Confirmed, Residuals, confirmed
 from flexspline.discovery.faults import (
     SENSOR,
     DataFault,
     Delay,
-    away_from_ends,
-    coarser,
     data_faults,
     delay_behind,
     delay_beside_everything,
     graded,
     lead_of,
     load_delays,
-    resolved,
     with_measured_ratio,
     with_unwrapped_angles,
 )
-from flexspline.discovery.physics import spring_bounds
+from flexspline.discovery.physics import held_powers, spring_bounds
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
@@ -43,11 +40,18 @@ from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
 from flexspline.errors import InputError, listed
 from flexspline.experiment.plan import Limits
-from flexspline.fitting import fit, fit_near, with_orders
+from flexspline.fitting import fit, fit_near, held_out_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
-from flexspline.least_squares.options import FitOptions, MotionOptions
-from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.options import Bounds, FitOptions, MotionOptions
+from flexspline.least_squares.problem import (
+    Problem,
+    away_from_ends,
+    coarser,
+    problem_of,
+    resolved_rows,
+    with_fastest,
+)
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
@@ -58,11 +62,15 @@ from flexspline.output_error.fitting import settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import Working, started, working
+from flexspline.regression.gram import Whitening
 from flexspline.signals import require_apart
 from flexspline.simulator import SIMULATED, Simulated
 
 __all__ = ["discover"]
+
+Posed = tuple[Problem, tuple[Effect, ...], dict[str, float], dict[str, Bounds]]
+"""What `fit_near` takes: a problem, effects, fixed values, bounds."""
 
 
 def discover(
@@ -139,12 +147,8 @@ def discover(
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
-        _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
-        if own:
-            raise InputError(
-                "by='simulation' drives effects in the compiled core, which has the catalogue's "
-                "alone; leave own out"
-            )
+        foreign = simulation is not None or simulated_torque is not None
+        _require_simulation(by, foreign, own, lowpass=lowpass, bandwidth=bandwidth)
         if not isinstance(model_or_effects, Model):
             target = target or "motor_torque"
     base, runs, of_base = _base(
@@ -169,8 +173,7 @@ def discover(
 
 USUAL = {"noise": 0.12, "functions of the channels": 0.26, "names": 0.5, "what is left": 0.64,
          "errors and validation": 0.73}  # fmt: skip
-"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`. So the time of
-the whole was told as 0.1 to 1.2 of what it took by the first, as 0.5 to 1.4 by the last."""
+"""Share of the work that lies before: median of 13 logs of `tests/bench/elsewhere`."""
 
 
 @dataclass(frozen=True)
@@ -239,25 +242,23 @@ def _by_regression(
     return replace(found, data_faults=judged)
 
 
-def _require_simulation(
-    by: str,
-    simulation: object,
-    simulated_torque: str | None,
-    lowpass: float | None,
-    bandwidth: float | None,
-) -> None:
+def _require_simulation(by: str, foreign: bool, own: object, **smoothing: float | None) -> None:
     if by not in ("regression", "simulation"):
         raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
     if by == "regression":
         raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
-    if simulation is not None or simulated_torque is not None:
+    if foreign:
         raise InputError(
             "by='simulation' drives the effects alone; leave the foreign simulation out"
         )
-    if lowpass is not None:
-        raise InputError("by='simulation' compares the motion as it is; leave lowpass out")
-    if bandwidth is not None:
-        raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
+    for name, value in smoothing.items():
+        if value is not None:
+            raise InputError(f"by='simulation' compares the motion as it is; leave {name} out")
+    if own:
+        raise InputError(
+            "by='simulation' drives effects in the compiled core, which has the catalogue's "
+            "alone; leave own out"
+        )
 
 
 def _by_simulation(
@@ -309,12 +310,15 @@ class _Recorded:
         if task.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
         further = replace(cls._made(runs, task, coarser(ways)), counted=made.counted)
-        base = [effect for effect in task.effects if effect.harmonics or not effect.ripple]
-
-        def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
-            return (further if coarse else made).problem(effects)
-
-        told, blur = resolved(base, task.fixed, posed)
+        base = with_fastest([e for e in task.effects if e.harmonics or not e.ripple])
+        fine, coarse = made.problem(base), further.problem(base)
+        plain = Whitening(np.ones(1), 1.0, fine.decimation)
+        work, _ = started(fine, working(base, len(base), task.fixed), plain)
+        both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(runs))]
+        told = resolved_rows(
+            [run.log for run in fine.runs], [run.target for run in fine.runs], both
+        )
+        blur = [np.nan_to_num(one - other) for one, other in both]
         return replace(made, counted=_all_of(told, made.counted), blur=blur)
 
     def moved(self, runs: Sequence[Log], load: str, late: float) -> _Recorded:
@@ -364,7 +368,6 @@ class _Recorded:
         }
 
     def problem(self, effects: Sequence[Effect]) -> Problem:
-
         return problem_of(self.logs, effects, **self._posed)
 
     def study(
@@ -388,14 +391,12 @@ class _Recorded:
         effects = with_freedoms(effects, free)
         absent = (*task.exclude, *exclude)
         study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
-        study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
+        if self.blur is not None:
+            both = zip(study.problem.runs, self.blur, strict=True)
+            runs = tuple(replace(run, blur=blur) for run, blur in both)
+            study = replace(study, problem=replace(study.problem, runs=runs))
+        study = replace(study, scatter=task.scatter)
         return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
-
-    def _blurred(self, problem: Problem) -> Problem:
-        if self.blur is None:
-            return problem
-        both = zip(problem.runs, self.blur, strict=True)
-        return replace(problem, runs=tuple(replace(run, blur=blur) for run, blur in both))
 
     def look(self, free: Sequence[str]) -> FirstLook:
         return first_look(*self.study(free), self.task.say)
@@ -408,14 +409,21 @@ class _Recorded:
         task = self.task
         task.say("errors and validation")
 
-        def fitted(work: Working) -> Fit:
+        def posed(work: Working) -> Posed:
             problem, base = self.problem(work.effects), work.effects[: work.base]
-            held = {**unseen_of(work.named, problem), **task.fixed, **held_of(base, free, problem)}
+            hidden = {**unseen_of(work.named, problem), **held_powers(work)}
+            held = {**hidden, **task.fixed, **held_of(base, free, problem)}
             springs = spring_bounds(work, task.target)
             allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
-            return fit_near(problem, work.effects, held, allowed, task.model, general=True)
+            return problem, work.effects, held, allowed
 
-        return confirmed(made, fitted, [effect.name for effect in task.effects])
+        def fitted(work: Working) -> Fit:
+            return fit_near(*posed(work), task.model, general=True)
+
+        def left_by(work: Working) -> Residuals:
+            return held_out_near(*posed(work))
+
+        return confirmed(made, fitted, left_by, [effect.name for effect in task.effects])
 
 
 def _all_of(
@@ -431,8 +439,7 @@ def _on_one_clock(
     """Look for names with a late load moved to where it belongs; and its delay, s, 0 for none.
 
     The delay is estimated before any name is looked for; the lag that stays in the base during the
-    search makes it more precise, within its error. Where the sensor is behind its load, it
-    may be the sensor's: a lag is no freedom then, but to be named.
+    search makes it more precise. Where the sensor is behind its load, a lag is to be named.
     """
     as_read = recorded = _Recorded.of(runs, task)
     late, delay = Delay(), 0.0
@@ -512,7 +519,9 @@ def _task(
                 f"{listed(own)} of each run by itself; start from a model without per_run, or from "
                 "effects"
             )
-        held = {**_fixed_in(part.record), **fixed}
+        parameters = part.record.get("parameters", ())
+        by_user = {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}
+        held = {**by_user, **fixed}
         load = known_load or part.known_load
         return Task(part.effects, part.target, load, held, given, part.simulated)
     if target is None:
@@ -554,20 +563,8 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
     runs = made.study.problem.runs
     used = sum(run.counted for run in runs)
     recorded = sum(len(kept.rows) for kept in recordings)
-    working = at_work([run.log for run in runs], target)
-    rest = 0 if working is None else sum(int(np.count_nonzero(~one)) for one in working)
-    found = {
-        "used": used,
-        **_counts(recordings),
-        "at rest": rest,
-        "where the motion is not resolved, or what came before is not known": recorded
-        - rest
-        - used,
-    }
-    return {why: count for why, count in found.items() if count or why == "used"}
-
-
-def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:
-    """Parameters that the user of a model held, by name."""
-    parameters = record.get("parameters", ())
-    return {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}
+    moving = at_work([run.log for run in runs], target)
+    rest = 0 if moving is None else sum(int(np.count_nonzero(~one)) for one in moving)
+    blurred = "where the motion is not resolved, or what came before is not known"
+    found = {**_counts(recordings), "at rest": rest, blurred: recorded - rest - used}
+    return {"used": used, **{why: count for why, count in found.items() if count}}

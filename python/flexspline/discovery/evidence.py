@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,18 +59,8 @@ from flexspline.regression.gram import (
     tabulated,
 )
 
-__all__ = [
-    "Dictionary",
-    "Offer",
-    "cone_gain",
-    "cone_price",
-    "dictionary_of",
-    "equivalent_t",
-    "held_out_gain",
-    "offers",
-    "price",
-    "price_of",
-]
+__all__ = ["Dictionary", "Offer", "cone_gain", "cone_price", "dictionary_of", "equivalent_t",
+           "held_out_gain", "offers", "price", "price_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -88,10 +78,7 @@ def _share(forms: float, rivals: int) -> float:
 
 
 def price_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
-    """Return the price of an effect with the signs that physics allows.
-
-    `products`: (K, K) of its columns over σ², less what the model holds of them.
-    """
+    """Return the price of an effect of some signs; `products`: (K, K) of its columns, over σ²."""
     signs, count = one_signed(name, target), len(products)
     if signs and count > 1:
         return cone_price(products, _share(forms, rivals), signs > 1)
@@ -156,6 +143,11 @@ class Dictionary:
     coulomb: float = 0.0
     simulated: bool = False
 
+    @cached_property
+    def raw(self) -> Array:
+        """Squares of all columns and of the target, over σ²."""
+        return np.diag(self.table.total)
+
     def of(self, candidates: Sequence[Candidate]) -> Dictionary | None:
         """The same for these candidates; None where a column of theirs is not there."""
         there = all(effect in self.at for c in candidates for effect in c.effects)
@@ -179,11 +171,7 @@ class Dictionary:
 def dictionary_of(
     problem: Problem, work: Working, wanted: Iterable[Effect], whitening: Whitening
 ) -> Dictionary:
-    """Add up the products of the columns of a model and of effects beside it.
-
-    One pass over the logs serves all questions about a model: what may join it, and what would
-    take the place of its names.
-    """
+    """Add up the products of the columns of a model and of effects beside it, in one pass."""
     wanted = list(dict.fromkeys(wanted))
     owners, span = tuple(work.owners()), span_of(problem)
     ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
@@ -218,41 +206,39 @@ class Offer:
 def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    `plain`: several orders of the output for what one sine, gravity, leaves alone: over less than
-    a turn many orders follow it.
+    `plain`: several orders of the output for what one sine, gravity, leaves alone.
     """
-    left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
+    left = dictionary.table.without(model)
     sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
     plain = plain and bool(sine)
     leaves = dictionary.table.without(np.concatenate([model, *sine])) if plain else left
 
     def best(candidate: Candidate) -> Offer:
         if not plain or candidate.name != OUTPUT_RIPPLE:
-            return _offer(candidate, dictionary, left, raw)
-        one = _offer(candidate, dictionary, left, raw, most=1)
-        return max(one, _offer(candidate, dictionary, leaves, raw), key=lambda offer: offer.net)
+            return _offer(candidate, dictionary, left)
+        one = _offer(candidate, dictionary, left, most=1)
+        return max(one, _offer(candidate, dictionary, leaves), key=lambda offer: offer.net)
 
     return [best(candidate) for candidate in dictionary.candidates]
 
 
 def _offer(
-    candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array, most: int | None = None
+    candidate: Candidate, dictionary: Dictionary, left: Array, most: int | None = None
 ) -> Offer:
     """A candidate in its best form; of a ripple `most` orders, or as many as pay."""
     rivals = len(dictionary.candidates)
     if candidate.atoms:
-        made = [_orders(v, atoms, dictionary, left, raw, most or len(atoms))
+        made = [_orders(v, atoms, dictionary, left, most or len(atoms))
                 for v, atoms in zip(candidate.variants, candidate.atoms, strict=True)]  # fmt: skip
         return max(made, key=lambda offer: offer.net)
     forms = 0.5 * (1 + len(candidate.variants))
     signs = one_signed(candidate.name, dictionary.target)
     side = dictionary.coulomb if candidate.name == STRIBECK else float(signs == 1)
     side = 0.0 if dictionary.simulated else side
-    gains = [_gain(left, dictionary.at[v], raw, signs, side) for v in candidate.variants]
-    best = max(range(len(gains)), key=lambda k: gains[k][0])
-    gain, seen = gains[best]
-    variant = candidate.variants[best]
-    columns = dictionary.at[variant]
+    raw = dictionary.raw
+    gains = {v: _gain(left, dictionary.at[v], raw, signs, side) for v in candidate.variants}
+    variant = max(gains, key=lambda v: gains[v][0])
+    (gain, seen), columns = gains[variant], dictionary.at[variant]
     if seen == len(columns):
         products = left[np.ix_(columns, columns)]
         cost = price_of(candidate.name, dictionary.target, products, forms, rivals)
@@ -264,10 +250,7 @@ def _offer(
 def _gain(left: Array, columns: Columns, raw: Array, signs: int, side: float) -> tuple[float, int]:
     """What columns explain with the signs that physics allows, and how many are seen.
 
-    Springs that slip later explain what those that slip sooner leave, and all of them brake: with
-    coefficients of any sign they fit the noise around a reversal. A single coefficient has the sign
-    of `side`, where that has one: with the other, friction that fades over a higher speed may bend
-    the whole curve.
+    A single coefficient has the sign of `side`, where that has one.
     """
     gain, seen = gain_of(left, columns, raw)
     if len(columns) == 1 and side * left[columns[0], -1] < 0.0:
@@ -319,18 +302,12 @@ def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
 
 
 def _orders(
-    variant: Effect,
-    atoms: tuple[Effect, ...],
-    dictionary: Dictionary,
-    left: Array,
-    raw: Array,
-    most: int,
+    variant: Effect, atoms: tuple[Effect, ...], dictionary: Dictionary, left: Array, most: int
 ) -> Offer:
-    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`.
-
-    Nor is an order taken that explains less than the form of the others may miss.
+    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`, and
+    more than the form of the others may miss.
     """
-    chosen: list[Effect] = []
+    chosen, raw = list[Effect](), dictionary.raw
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
     each = price(2, len(atoms), len(dictionary.candidates))
     while len(chosen) < most:
@@ -349,7 +326,7 @@ def _orders(
             break
         chosen.append(atom)
         columns, gain, cost = both, reached, cost + each
-        columns, gain = _exchanged(chosen, gain, atoms, dictionary, left, raw)
+        columns, gain = _exchanged(chosen, gain, atoms, dictionary, left)
     harmonics = [h for atom in chosen for h in atom.harmonics]
     return Offer(variant.with_orders(harmonics), columns, gain, cost)
 
@@ -360,11 +337,10 @@ def _exchanged(
     atoms: tuple[Effect, ...],
     dictionary: Dictionary,
     left: Array,
-    raw: Array,
 ) -> tuple[Columns, float]:
     """Exchange orders of `chosen` for others as long as that gains: over less than a turn the
     first is taken for those that are still to come."""
-    columns = np.concatenate([dictionary.at[atom] for atom in chosen])
+    columns, raw = np.concatenate([dictionary.at[atom] for atom in chosen]), dictionary.raw
     while len(chosen) > 1:
         rest = [atom for atom in atoms if atom not in chosen]
         if not rest:

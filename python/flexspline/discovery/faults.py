@@ -6,20 +6,17 @@ One that raises it by less than a hundredth is worth knowing, and no reason to r
     delay of a velocity          r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
-The induced error of another fault is not known, and it counts as critical. Where the rows read a
-velocity that is derived from a position, the recorded one does not affect the result: its fault
-matters to whoever reads it, and the sentence says so.
+The induced error of another fault is not known, and it counts as critical.
 
 The clock of a load cell may be late. A load L that is late by d leaves, to first order,
 
     d · c(t),     c = −L′ ∂(y − X β)/∂L
 
-of target y and model X β. Missing effects may depend on the load too, so d is estimated beside
-everything that may be missing: all candidates of the search and flexible functions of every
-channel [FrischWaugh1933], before any name is looked for. The delay of a recorder is the same in
-all folds: their scatter is part of its error. Names that are found later make it more precise,
-within that error. The slope L′ is that of the load as rows read it, smoothed, so that the cell's
-noise does not attenuate d.
+of target y and model X β, with L′ the slope of the load as rows read it. Missing effects may depend
+on the load too, so d is estimated beside everything that may be missing: all candidates of the
+search and flexible functions of every channel [FrischWaugh1933], before any name is looked for. The
+delay of a recorder is the same in all folds: their scatter is part of its error. Names that are
+found later make it more precise, within that error.
 
 A sensor cannot read a torque before it is there: where its reading is ahead, the load is late.
 Where it is behind, the sensor may be: that is an effect, and to be named. Between the torque of a
@@ -29,7 +26,7 @@ drive, or a torsion, and the load cell any delay is one of the recorder.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,50 +41,21 @@ from flexspline.effects.causes import LAG
 from flexspline.errors import InputError
 from flexspline.formatting import short
 from flexspline.least_squares.late_load import slopes_by
-from flexspline.least_squares.problem import (
-    Problem,
-    away_from_ends,
-    coarser,
-    resolved_rows,
-    with_fastest,
-)
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check_runs
-from flexspline.logs.checks.consistency import TOLD, Gear, measured_gear
+from flexspline.logs.checks.consistency import TOLD, late_alike, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.samples import unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
 from flexspline.model import Model
-from flexspline.regression.candidate_model import started, working
-from flexspline.regression.gram import (
-    SINGULAR,
-    TINY,
-    Table,
-    Whitening,
-    left_by,
-    solved,
-    tabulated,
-)
+from flexspline.regression.gram import SINGULAR, TINY, Table, left_by, solved, tabulated
 from flexspline.signals import target_of
 
-__all__ = [
-    "SENSOR",
-    "DataFault",
-    "Delay",
-    "away_from_ends",
-    "coarser",
-    "data_faults",
-    "delay_behind",
-    "delay_beside_everything",
-    "graded",
-    "lead_of",
-    "load_delays",
-    "resolved",
-    "with_measured_ratio",
-    "with_unwrapped_angles",
-]
+__all__ = ["SENSOR", "DataFault", "Delay", "data_faults", "delay_behind", "delay_beside_everything",
+           "graded", "lead_of", "load_delays", "with_measured_ratio",
+           "with_unwrapped_angles"]  # fmt: skip
 
 RATIO = "gear_ratio"
 WRAPPED = "wrapped_angle"
@@ -99,29 +67,7 @@ NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 Array = NDArray[np.float64]
 
 VELOCITY = "output_velocity"
-
 SENSOR = ("sensor_torque",)
-
-
-def resolved(
-    base: Sequence[Effect],
-    fixed: Mapping[str, float],
-    posed: Callable[[Sequence[Effect], bool], Problem],
-) -> tuple[list[NDArray[np.bool_]], list[Array]]:
-    """Return which rows of each run count, and by how much a prediction moves, (N,) both.
-
-    Parameters
-    ----------
-    posed : makes the problem of effects, with the motion as it is prepared or smoothed further.
-    """
-    effects = with_fastest(base)
-    fine, coarse = posed(effects, False), posed(effects, True)
-    plain = Whitening(np.ones(1), 1.0, fine.decimation)
-    work, _ = started(fine, working(effects, len(effects), fixed), plain)
-    both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(fine.runs))]
-    runs = fine.runs
-    told = resolved_rows([run.log for run in runs], [run.target for run in runs], both)
-    return told, [np.nan_to_num(one - other) for one, other in both]
 
 
 @dataclass(frozen=True)
@@ -147,9 +93,8 @@ class DataFault:
     @classmethod
     def of(cls, run: str, found: Finding, sentence: str, **more: bool) -> DataFault:
         """What a check has found in a run, in these words."""
-        return cls(
-            run, found.name, found.channel, found.size, found.unit, found.rows, sentence, **more
-        )  # fmt: skip
+        size, rows = found.size, found.rows
+        return cls(run, found.name, found.channel, size, found.unit, rows, sentence, **more)
 
 
 def data_faults(
@@ -169,9 +114,8 @@ def data_faults(
     """
     elsewhere = known_load not in (None, "reference_torque")
     asked = [e.name for e in base if not (e.own or (elsewhere and "load" in e.reads))]
-    found = []
-    made = check_runs(logs, effects=asked, target=target, threads=threads)
-    for log, findings in zip(logs, made, strict=True):
+    found, checks = [], check_runs(logs, effects=asked, target=target, threads=threads)
+    for log, findings in zip(logs, checks, strict=True):
         findings.raise_errors()
         if target == "torsion":
             findings.raise_named(NO_TWIST)
@@ -182,33 +126,14 @@ def data_faults(
     late = {f.run for f in found if f.name == ENCODER_DELAY}
     if late:
         gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}
-        if 2 * len(late) < len(logs) or not _late_alike([*gears.values()]):
+        if 2 * len(late) < len(logs) or not late_alike([*gears.values()]):
             row = {log.name: median_step(log["time"]) for log in logs}
+            least = {run: abs(one.delay) - TOLD * one.delay_error for run, one in gears.items()}
             found = [f for f in found if f.name != ENCODER_DELAY
-                     or _least_delay(gears[f.run]) > HALF_A_ROW * row[f.run]]  # fmt: skip
+                     or least[f.run] > HALF_A_ROW * row[f.run]]  # fmt: skip
     flipped = Counter(f.channel for f in found if f.name == SIGN)
     rare = [channel for channel, runs in flipped.items() if 2 * runs < len(logs)]
     return tuple(f for f in found if not (f.name == SIGN and f.channel in rare))
-
-
-def _least_delay(gear: Gear) -> float:
-    """What an encoder is late by at least, s, whatever its error."""
-    return abs(gear.delay) - TOLD * gear.delay_error
-
-
-def _late_alike(gears: Sequence[Gear]) -> bool:
-    """Whether one encoder is late by the same in all runs, as a recorder makes it.
-
-    A part of a row that differs from run to run is torsion that comes round with the motion: the
-    scatter of the runs is part of the error of their mean.
-    """
-    if len(gears) < 2:
-        return True
-    delay = np.array([gear.delay for gear in gears])
-    weight = np.array([max(gear.delay_error, TINY) for gear in gears]) ** -2.0
-    mean = np.average(delay, weights=weight)
-    scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
-    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
 
 
 def with_unwrapped_angles(
@@ -234,9 +159,8 @@ def with_measured_ratio(
 ) -> tuple[list[Log], tuple[DataFault, ...]]:
     """Return the runs with the ratio that their encoders show, where a torsion would be nothing.
 
-    With a wrong ratio q Ñ − θ grows with every turn, and all that could be found is the ratio. The
-    fault's sentence then says which one is used instead. A ratio that is off by a little, and is no
-    whole number, may be a torsion that follows the angle: the one that was stated stays.
+    With a wrong ratio q Ñ − θ grows with every turn. The fault's sentence then says which one is
+    used. One that is off by a little, and no whole number, may be a torsion that follows the angle.
     """
     shown = [fault.size for fault in faults if fault.name == RATIO]
     stated = logs[0].effective_ratio
@@ -264,65 +188,48 @@ def graded(
     fit : of the extended model.
     floor : noise floor, in the unit of the target.
     """
-    look = _Look(tuple(logs), fit, floor)
-    return tuple(look.graded(fault) for fault in faults)
+    by_name = Counter(log.name for log in logs)
+    alone = {log.name: log for log in logs if by_name[log.name] == 1}
+    return tuple(_graded(fault, alone.get(fault.run), fit, floor) for fault in faults)
 
 
-@dataclass(frozen=True)
-class _Look:
-    logs: tuple[Log, ...]
-    fit: Fit
-    floor: float
+def _graded(fault: DataFault, log: Log | None, fit: Fit, floor: float) -> DataFault:
+    try:
+        makes = None if log is None else _makes(fault, log, fit)
+    except InputError:  # where the fault cannot be taken off, its size is not known
+        makes = None
+    if makes is None or not np.isfinite(makes):
+        return fault
+    grave = bool(np.hypot(floor, makes) > (1.0 + SETTINGS.negligible) * floor)
+    size = f"{short(makes)} {fit.unit} RMS beside noise of at most {short(floor)} {fit.unit}"
+    said = f"It makes {size}{'.' if grave else ': too little to matter.'}"
+    source = {p.channel: p.source for p in fit.part.preparations}.get(VELOCITY, VELOCITY)
+    if fault.channel == VELOCITY and source != VELOCITY:
+        said = (
+            f"Names are looked for with a velocity derived from {source}; as recorded it makes "
+            f"{size}."
+        )
+    return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
 
-    def graded(self, fault: DataFault) -> DataFault:
-        try:
-            makes = self._makes(fault)
-        except InputError:  # where the fault cannot be taken off, its size is not known
-            makes = None
-        if makes is None or not np.isfinite(makes):
-            return fault
-        grave = bool(np.hypot(self.floor, makes) > (1.0 + SETTINGS.negligible) * self.floor)
-        unit, source = self.fit.unit, self._read_instead(fault)
-        size = f"{short(makes)} {unit} RMS beside noise of at most {short(self.floor)} {unit}"
-        said = f"It makes {size}"
-        said += "." if grave else ": too little to matter."
-        if source:
-            said = (
-                f"Names are looked for with a velocity derived from {source}; as recorded it makes "
-                f"{size}."
-            )
-        return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
 
-    def _read_instead(self, fault: DataFault) -> str:
-        """The position that a velocity is derived from where a fault is one of the velocity's."""
-        sources = {p.channel: p.source for p in self.fit.part.preparations}
-        source = sources.get(VELOCITY, VELOCITY)
-        return source if fault.channel == VELOCITY and source != VELOCITY else ""
-
-    def _makes(self, fault: DataFault) -> float | None:
-        own = [log for log in self.logs if log.name == fault.run]
-        if len(own) != 1:
-            return None
-        log = own[0]
-        if fault.name == "velocity_delay" and fault.channel == VELOCITY:
-            return self._moved(log, move_earlier(log, VELOCITY, fault.size))
-        if fault.name == "repeated_rows":
-            steps = np.diff(target_of(log, self.fit.target, self.fit.part.known_load))
-            return float(np.sqrt(fault.size / len(log) * np.mean(steps**2)))
-        return None
-
-    def _moved(self, log: Log, mended: Log) -> float:
-        """RMS by which the prediction changes with a mended channel, on the rows that both have."""
-        both = [self._predicted(one) for one in (log, mended)]
+def _makes(fault: DataFault, log: Log, fit: Fit) -> float | None:
+    """RMS of what a fault makes of the target; None where that is not known."""
+    if fault.name == "velocity_delay" and fault.channel == VELOCITY:
+        mended = move_earlier(log, VELOCITY, fault.size)
+        both = [_as_recorded(fit, one) for one in (log, mended)]
         _, first, second = np.intersect1d(log["time"], mended["time"], return_indices=True)
         return float(np.sqrt(np.nanmean((both[0][first] - both[1][second]) ** 2)))
+    if fault.name == "repeated_rows":
+        steps = np.diff(target_of(log, fit.target, fit.part.known_load))
+        return float(np.sqrt(fault.size / len(log) * np.mean(steps**2)))
+    return None
 
-    def _predicted(self, log: Log) -> Array:
-        """The prediction with the channels as they are, low-passed as the fit's rows were."""
-        part = self.fit.part
-        record = {name: value for name, value in part.record.items() if name != "prepared"}
-        plain: Model = self.fit.model.with_part(replace(part, record=record), {})
-        return plain.predict(log, part.target, lowpass_hz=self.fit.lowpass).predicted
+
+def _as_recorded(fit: Fit, log: Log) -> Array:
+    """The prediction with the channels as they are, low-passed as the fit's rows were."""
+    record = {name: value for name, value in fit.part.record.items() if name != "prepared"}
+    plain: Model = fit.model.with_part(replace(fit.part, record=record), {})
+    return plain.predict(log, fit.target, lowpass_hz=fit.lowpass).predicted
 
 
 @dataclass(frozen=True)
@@ -347,11 +254,8 @@ def delay_beside_everything(look: FirstLook) -> Delay:
     study, work = look.part, look.base.without(LAG)
     problem = study.problem
     load = problem.known_load
-    static = [
-        group
-        for group in flexible_basis(problem, pairs=False)
-        if RATE not in group.channels and not (group.past and load in group.channels)
-    ]
+    static = [g for g in flexible_basis(problem, pairs=False)
+              if RATE not in g.channels and not (g.past and load in g.channels)]  # fmt: skip
     beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
     given = Functions(tuple(static), slopes_by(problem, work.effects, work.coefficients))
     sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
@@ -376,9 +280,9 @@ def _last_column(table: Table) -> Delay:
 def delay_behind(made: Analysis) -> Delay:
     """Return the delay of a load whose torsion the model predicts.
 
-    A load that is late by d predicts p(t − d): what is left follows d dp/dt, beside the columns of
-    the model with all its names, those that were taken back included. What no name explains may
-    follow it too: beside that, a delay is told from none only at twice the error.
+    What a late load leaves follows d dp/dt of the prediction p, beside the columns of all names,
+    those that were taken back included. What no name explains may follow it too: the error is
+    doubled beside that.
     """
     problem, searcher = made.study.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
@@ -394,10 +298,7 @@ def delay_behind(made: Analysis) -> Delay:
 
 
 def lead_of(made: Analysis) -> Delay:
-    """Return by how much the sensor of the final model is ahead of its load; its lag stands in it.
-
-    No delay where the model has no lag.
-    """
+    """Return by how much the sensor is ahead of its load by the lag of the final model, if any."""
     work = made.final
     if LAG not in [effect.name for effect in work.effects]:
         return Delay()
@@ -410,18 +311,13 @@ def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tup
     """Return the fault of each run whose known load is late by so much against the target, s."""
     channel, other = (load, target) if late > 0.0 or target == "torsion" else (target, load)
     why = ", which cannot read a torque before it is there" if target in SENSOR else ""
-    size, early = abs(late) / milli, channel == load and late < 0.0
+    size, early = abs(late), channel == load and late < 0.0
+    said = (
+        f"{channel} is {size / milli:.3g} ms {'early' if early else 'late'} against {other}{why}; "
+        f"names are looked for with {load} moved by that much. "
+        f"Ask for the repair shift={channel}:{late if early else size:.3g}."
+    )
     return tuple(
-        DataFault(
-            log.name,
-            "load_delay",
-            channel,
-            abs(late),
-            "s",
-            (0, len(log)),
-            f"{log.name}: {channel} is {size:.3g} ms {'early' if early else 'late'} against "
-            f"{other}{why}; names are looked for with {load} moved by that much. "
-            f"Ask for the repair shift={channel}:{late if early else abs(late):.3g}.",
-        )
+        DataFault(log.name, "load_delay", channel, size, "s", (0, len(log)), f"{log.name}: {said}")
         for log in logs
     )

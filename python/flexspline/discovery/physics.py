@@ -1,15 +1,12 @@
 """What physics allows of an effect: no friction that drives, no loop that gives energy, no negative
 mass.
 
-Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign are
-no presliding but a fit to the noise around a reversal; friction that fades before the direction of
-motion has changed is the width of that change said twice; and one that has not faded at the
-largest speed bends the whole curve, for which viscous friction has a name. Stribeck's friction adds
-to Coulomb's; a bend by which friction falls from rest is Stribeck's. What builds up over a
-tenth of a radian at the output, in the mean of its springs, is no presliding either: gears and
-bearings wind up by thousandths under their rated torque. Runs that all go one
-way show no change of direction: where friction would bend by one among their speeds, it is a torque
-whose size depends on the speed, under another name.
+Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign fit
+the noise around a reversal; friction that fades before the direction of motion has changed is the
+width of that change said twice; one that has not faded at the largest speed is viscous. Stribeck's
+friction adds to Coulomb's; a bend by which friction falls from rest is Stribeck's. Gears wind up by
+thousandths of a radian under their rated torque: what builds up over a tenth is no presliding. And
+runs that all go one way show no change of direction.
 """
 
 from __future__ import annotations
@@ -35,16 +32,8 @@ from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import TINY
 
-__all__ = [
-    "LOOPS",
-    "WIDTH",
-    "driving_spring",
-    "fastest_of",
-    "impossible",
-    "level_of",
-    "one_signed",
-    "spring_bounds",
-]
+__all__ = ["LOOPS", "WIDTH", "driving_spring", "falling_power", "fastest_of", "held_powers",
+           "impossible", "level_of", "one_signed", "spring_bounds"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -62,10 +51,7 @@ DRIVES = ("motor_torque", "motor_current")
 
 
 def one_signed(name: str, target: str) -> int:
-    """How many signs the coefficients of an effect may all have: 1, 2 of a sensor; 0: any of each.
-
-    A single coefficient whose sign nothing tells has any.
-    """
+    """How many signs the coefficients of an effect may have: 1, 2 of a sensor; 0: any of each."""
     if name in LOOPS:
         return 2 if _either(name, target) else 1
     return int(target in DRIVES and traits_of(name).one_signed)
@@ -74,12 +60,8 @@ def one_signed(name: str, target: str) -> int:
 def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
-    `scatter`: noise of the load cell as recorded, Nm. A narrower loop follows the noise, which the
-    target less the load holds, too.
-
-    The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
-    see either sign, by the side of the friction on which it sits; so may what corrects a simulation
-    that has too much of a friction or mass.
+    `scatter`: noise of the load cell as recorded, Nm, which a narrower loop follows. The drive
+    decides signs: a sensor may see either, and so may what corrects a simulation.
     """
     why = _bent_one_way(work, name, problem) or _not_its_form(work, name, problem, scatter)
     return why or (_wrong_sign(work, name, problem) if problem.simulated is None else "")
@@ -143,7 +125,7 @@ def _not_fading(work: Working, problem: Problem) -> str:
 def _falls(work: Working, problem: Problem) -> bool:
     """Whether friction becomes less by a small part of its level before it rises with the speed.
 
-    Not asked of a drive whose level has the wrong sign: another part of its model is wrong.
+    Not asked of a drive whose level has the wrong sign.
     """
     level = level_of(work, COULOMB)
     if problem.target in DRIVES and level < 0.0:
@@ -174,6 +156,26 @@ def driving_spring(work: Working, target: str) -> str:
             against |= {names[k]: -side * float(values[k]) for k in free}
     worst = max(against, key=lambda name: against[name], default="")
     return worst if worst and against[worst] > 0.0 else ""
+
+
+def falling_power(work: Working, problem: Problem) -> str:
+    """Return the power of the speed that makes friction fall from rest, "" where it does not fall.
+
+    Of two powers whose coefficients runs hardly tell apart, one may be below zero by chance. The
+    last free one stays, whatever its sign.
+    """
+    names, values = _terms(work, POLYNOMIAL_FRICTION), work.values(POLYNOMIAL_FRICTION)
+    free = [k for k, name in enumerate(names) if name not in work.fixed]
+    if len(free) < 2 or not _falls(work, problem):
+        return ""
+    along = np.sign(level_of(work, COULOMB)) * values
+    worst = min(free, key=lambda k: float(along[k]))
+    return names[worst] if along[worst] < 0.0 else ""
+
+
+def held_powers(work: Working) -> dict[str, float]:
+    """Return the powers of the speed that a search holds, by name, as a fit has to."""
+    return {n: work.fixed[n] for n in _terms(work, POLYNOMIAL_FRICTION) if n in work.fixed}
 
 
 def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:

@@ -8,7 +8,6 @@ Besides the name, of weight one, there are its n aliases, each as good; a cause 
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
 enough to be said to be unexplained (x from 0 at once that share to 1 at twice), as far as they take
 its own gain from it (a share 1 − s); and chance, by its Δχ² above the significance threshold, e.
-Weights of indistinguishable explanations are equal: p is rather too low than too high.
 
 `Motion` is base and extended model driven forward through held-out folds: each starts from its
 measured state and is driven by its inputs alone.
@@ -37,7 +36,7 @@ from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
 from flexspline.prepared import bandwidth_used, inputs_json
-from flexspline.regression.candidate_model import Fold, HeldOut, Working
+from flexspline.regression.candidate_model import Fold, Working
 from flexspline.regression.gram import TINY
 from flexspline.schema import checked_json
 
@@ -53,17 +52,8 @@ if TYPE_CHECKING:
     from flexspline.logs.checks.dependence import Dependence
     from flexspline.simulator import Simulated
 
-__all__ = [
-    "Discovery",
-    "Found",
-    "Motion",
-    "NoiseFloor",
-    "Unexplained",
-    "confidence",
-    "discovery_json",
-    "doubt",
-    "driven_apart",
-]
+__all__ = ["Discovery", "Found", "Motion", "NoiseFloor", "Unexplained", "confidence", "doubt",
+           "driven_apart"]  # fmt: skip
 
 
 def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
@@ -110,6 +100,7 @@ NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower
 UNLIKELY = "other effects, or what no name explains, are four times as likely"
 UNTOLD = "these runs do not tell its coefficients from those of another name"
 FORMED = "no more in the final fit than what the form of another name may miss"
+UNSETTLED = "the load that it reads, which the model makes, does not settle beside it"
 LESSER = "more of the gap stays unexplained than names explain"
 """Why a name is withdrawn that the search had found."""
 
@@ -135,9 +126,7 @@ class Motion:
         return float(np.sqrt(np.nanmean(left**2)))
 
 
-def driven_apart(
-    made: Analysis, before: HeldOut, after: HeldOut, facts: Mapping[str, Any]
-) -> Motion | None:
+def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
     """Return both models' motion through every fold, None where one of them cannot be driven."""
     problem = made.study.problem
     both = (made.base, made.final)
@@ -147,16 +136,16 @@ def driven_apart(
     if not all(INERTIA in [e.name for e in work.effects] for work in both):
         return None
     try:
-        return _driven(made, before, after, dict(facts))
+        return _driven(made, dict(facts))
     except InputError:
         return None
 
 
-def _driven(made: Analysis, before: HeldOut, after: HeldOut, facts: dict[str, Any]) -> Motion:
+def _driven(made: Analysis, facts: dict[str, Any]) -> Motion:
     from flexspline.forward import simulate
 
     problem, runs = made.study.problem, []
-    for first, last in zip(before.folds, after.folds, strict=True):
+    for first, last in zip(made.before.folds, made.after.folds, strict=True):
         log = problem.runs[first.run].log
         log = log.rows(slice(first.first, first.last), note="one fold")
         one = simulate(_model(made, made.base, first, facts), log)
@@ -376,8 +365,6 @@ class Discovery:
 
         The index is group and label, such as ("reversals", "within ±0.1 s of a reversal").
         """
-        from dataclasses import asdict
-
         import pandas
 
         table = pandas.DataFrame([asdict(part) for part in self.slices])
@@ -426,11 +413,7 @@ def discovery_json(made: Discovery) -> str:
         "base_effects": made.base_effects,
         "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
-        "rmse": {
-            "base": made.base_rmse,
-            "final": made.final_rmse,
-            "noise_floor": made.noise_floor,
-        },
+        "rmse": {"base": made.base_rmse, "final": made.final_rmse, "noise_floor": made.noise_floor},
         "noise_floor_error": made.floor.error if np.isfinite(made.floor.error) else None,
         "noise_floor_method": BOUNDS[made.floor.by],
         "also_seen": [asdict(one) | unit for one in made.also_seen],

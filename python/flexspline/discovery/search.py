@@ -1,25 +1,14 @@
 """Forward selection of missing effects, with removal and exchange of earlier ones.
 
 Each round refits the shapes of the model, offers every candidate in its best form beside it, and
-takes the best that
+takes the best that exceeds its significance threshold (`evidence.py`), gains half as much on
+held-out folds too, gains more than the form of a name may miss (`missed`: no form is exact), and is
+physically possible (`physics.py`). Then a name that is no longer significant is removed, and one is
+exchanged for another, one for two, or two for one, where that explains more above its threshold.
+All of these are computed from one Gram matrix, and only the best is fitted.
 
-- exceeds its significance threshold (`evidence.py`: the family of candidates is accounted for),
-- gains half as much on held-out folds too,
-- gains more than the form of a name may miss (`missed`),
-- is physically possible (`physics.py`).
-
-What was best alone need not be best beside others: after each step a name that is no longer
-significant is removed, and one is exchanged for another, one for two, or two for one, where that
-explains more above its threshold. All of these are computed from one Gram matrix, and only the best
-is fitted.
-
-No form is exact: what a named effect's own misses is a share of all that it explains, and beside a
-large effect that is as much as a small one explains.
-
-Where an effect is plain in a tenth of an hour, it need not be looked for in all of it: a first
-search goes over short segments spread evenly over the logs. The search on all rows starts from its
-result; it refits everything, may reject names, and adds what only all rows show. So every gain and
-threshold that is reported is one of all rows.
+Of long logs short segments spread evenly are searched first. The search on all rows starts from
+that result; it refits everything, may reject names, and adds what only all rows show.
 """
 
 from __future__ import annotations
@@ -32,12 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import (
-    LEAD,
-    bent_forms,
-    places_of,
-    turning_over,
-)
+from flexspline.discovery.basis import LEAD, bent_forms, places_of, turning_over
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
@@ -58,22 +42,26 @@ from flexspline.discovery.evidence import (
     price,
     price_of,
 )
-from flexspline.discovery.physics import LOOPS, driving_spring, impossible, level_of
+from flexspline.discovery.physics import (
+    LOOPS,
+    driving_spring,
+    falling_power,
+    impossible,
+    level_of,
+)
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
-from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
-from flexspline.logs.derive import differentiate
+from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
 from flexspline.regression.candidate_model import Working, refitted, started
 from flexspline.regression.gram import (
     Columns,
     Given,
-    Table,
     Whitening,
     gain_of,
     gains_of,
@@ -85,22 +73,14 @@ from flexspline.regression.gram import (
 )
 from flexspline.signals import require_one_unit
 
-__all__ = [
-    "Searcher",
-    "Study",
-    "cost_of",
-    "form_of",
-    "freedom",
-    "missed",
-    "share_missed",
-    "study_of",
-]
+__all__ = ["Searcher", "Study", "cost_of", "form_of", "freedom", "missed", "share_missed",
+           "study_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
@@ -111,15 +91,11 @@ class Study:
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
-    orders: Orders = field(default=())
+    orders: Orders = ()
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
-    last: tuple[Working, Whitening, Dictionary] | None = field(
-        default=None, repr=False, compare=False
-    )
-    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    last: tuple[Working, Whitening, Dictionary] | None = None
+    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(default_factory=dict)
 
     @property
     def target(self) -> str:
@@ -138,10 +114,8 @@ class Study:
         orders, made = self.known.get(tuple(model), (None, []))
         if orders is not self.orders:
             facts = self.problem.runs[0].log.facts
-            names = [e.name for e in self.possible]
-            pools = order_pools(
-                names, facts, self.orders, model, self.target, span_of(self.problem)
-            )
+            names, span = [e.name for e in self.possible], span_of(self.problem)
+            pools = order_pools(names, facts, self.orders, model, self.target, span)
             made = candidates_for(model, self.possible, self.problem, pools)
             self.known[tuple(model)] = self.orders, made
         return made
@@ -149,7 +123,7 @@ class Study:
     def dictionary(
         self, work: Working, whitening: Whitening, *, without: Sequence[str] = ()
     ) -> Dictionary:
-        """Return the table of a model and all candidates beside it, or beside it without some."""
+        """Return the table of a model and all candidates, beside it or beside it without some."""
         candidates = self._beside(work, without)
         at, noise, last = self.last or (None, None, None)
         if last and at is work and noise is whitening and (found := last.of(candidates)):
@@ -193,7 +167,7 @@ def study_of(
         As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
     require_one_unit(base, target, known_load)
-    inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
+    inputs = [with_motion(log) for log in (logs if inputs is None else inputs)]
     effects, reasons = possible(base, inputs, target, known_load, exclude, own)
     kept = [e for e in effects if _finite(e, inputs, reasons)]
     problem = problem_of(
@@ -213,18 +187,6 @@ def _finite(effect: Effect, logs: Sequence[Log], reasons: dict[str, str]) -> boo
     return True
 
 
-def _with_motion(log: Log) -> Log:
-    """The log with the derivatives of its position, where that allows them."""
-    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
-    if not names or "output_position" not in log:
-        return log
-    try:
-        made = differentiate(log)
-    except InputError:
-        return log
-    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])
-
-
 def form_of(effect: Effect) -> float:
     """Of what an effect explains, the share that its form may miss."""
     return SETTINGS.memory if effect.info.remembers else SETTINGS.form
@@ -233,7 +195,7 @@ def form_of(effect: Effect) -> float:
 def missed(
     dictionary: Dictionary, named: Effect, other: Effect, tied: Sequence[Dependence]
 ) -> float:
-    """What the form of a named effect may miss, and another effect may seem to explain, in χ²."""
+    """What the form of a named effect may miss, and another may seem to explain, in χ²."""
     return share_missed(named, other, tied) * dictionary.gain(named.name)
 
 
@@ -245,9 +207,8 @@ def share_missed(named: Effect, other: Effect, tied: Sequence[Dependence]) -> fl
 def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
     """Whether an effect reads nothing but a name's channels, and may bend its form.
 
-    Nor, unless it remembers, what in these runs is nearly a function of them. A constant bends
-    nothing. The torque of a rigid body, and what is in proportion to a known load, are laws: what
-    bends them is another effect.
+    Nor, unless it remembers, what is nearly a function of these. A constant bends nothing, and laws
+    are bent by nothing: the torque of a rigid body, and what is in proportion to a known load.
     """
     reads, own = {*named.reads}, {*effect.reads}
     pairs = [{one.channel, one.of} for one in tied if not effect.info.remembers]
@@ -296,16 +257,16 @@ class Searcher:
         return work, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows, all its springs of one sign.
+        """Refit a model, its springs of one sign, and what runs do not show (`unseen`) at zero.
 
-        What these runs do not show of a name is held at zero (`unseen`).
+        Nor does a power of the speed make friction fall from rest, where another power is left.
         """
         problem, target = self.study.problem, self.study.target
         if (hidden := unseen_of(work.named, problem)).keys() - work.fixed.keys():
             work = replace(work, fixed={**hidden, **work.fixed}).having(work.effects)
         work, squares = refitted(problem, work, self.whitening)
-        while spring := driving_spring(work, target):
-            work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
+        while against := driving_spring(work, target) or falling_power(work, problem):
+            work, squares = refitted(problem, work.holding(against, 0.0), self.whitening)
         return work, squares
 
     def _off_bounds(self, work: Working, squares: float) -> tuple[Working, float]:
@@ -388,8 +349,7 @@ class Searcher:
     ) -> list[list[Offer]]:
         """Return what may take the place of some names, the best first: one, or two for one.
 
-        Of two names one may stay, in another form. Where gravity leaves, orders of the output may
-        take its place.
+        Of two names one may stay, in another form. In gravity's place orders of the output may be.
         """
         others = out if len(out) == 1 else ()
         plain = GRAVITY not in out
@@ -417,6 +377,7 @@ class Searcher:
         return all(dictionary.gain(e.name) >= max(self._owed(dictionary, work, e)) for e in new)
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Offer] | None:
+        """The model with the best offer that can be taken; None where none can."""
         dictionary = self.study.dictionary(work, self.whitening)
         worthy = self._worth(dictionary, work, dictionary.model)
         while worthy:
@@ -441,10 +402,7 @@ class Searcher:
         model: Columns,
         rivals: Sequence[Effect],
     ) -> bool:
-        """Whether an offer beside a model, and its columns, is worth a fit of its shapes.
-
-        `rivals`: effects of other offers, which may be asked of next.
-        """
+        """Whether an offer is worth a fit; `rivals`: effects that may be asked of next."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):
@@ -501,10 +459,10 @@ class Searcher:
         bent: tuple[Effect, ...],
         rivals: Sequence[Effect],
     ) -> float:
-        """What an effect gains beside a model and columns that are given.
+        """What an effect gains beside a model and given columns: other forms of `bent`.
 
-        `bent`: effects whose other forms these columns are. From the second effect on that is asked
-        of beside the same, its rivals are asked of together, for most of the work is the same.
+        From the second effect on that is asked of beside the same, its rivals are asked of with it,
+        for most of the work is the same.
         """
         rest = work.without(effect.name)
         fixed = tuple(sorted(rest.fixed.items()))
@@ -526,8 +484,7 @@ class Searcher:
     ) -> dict[Effect, float]:
         """What each effect alone gains beside a model and columns that are given.
 
-        `turning`: whether that is one in which friction turns over. Such a one may take its level
-        later, and never exceeds it, which is what Stribeck friction does.
+        `turning`: whether friction turns over by these; it never exceeds its level, as Stribeck's.
         """
         table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
         ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
@@ -540,15 +497,6 @@ class Searcher:
             e: gain_of(beside.get(e.name, left), np.arange(first, last), raw)[0]
             for e, first, last in own
         }
-
-    def _apart(
-        self, problem: Problem, work: Working, effect: Effect, given: Given
-    ) -> tuple[Table, Columns]:
-        """The table of a model without an effect, of that, and of given columns; where it is."""
-        rest = work.without(effect.name)
-        table = tabulated(problem, rest.sheet(beside=[effect], given=given), self.whitening)
-        first = len(rest.owners())
-        return table, np.arange(first, first + len(effect.terms))
 
     def _tried(
         self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
@@ -576,14 +524,16 @@ class Searcher:
     def _at_few_places(self, work: Working, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
-        Counted until the orders explain most of what all of them do: a place takes one number, an
-        order two. Many orders follow a bump, which does not come again between its places. Of a
-        small ripple these runs do not tell.
+        Many orders follow a bump. Counted until the orders explain most of what all of them do; of
+        a small ripple these runs do not tell.
         """
         if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
         problem = self.study.thinned().problem
-        table, own = self._apart(problem, work, effect, places_of(problem))
+        rest = work.without(effect.name)
+        sheet = rest.sheet(beside=[effect], given=places_of(problem))
+        table = tabulated(problem, sheet, self.whitening)
+        own = len(rest.owners()) + np.arange(len(effect.terms))
         left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
         places = greedy(left, raw, np.arange(own[-1] + 1, len(table.total) - 1)[:, None])

@@ -1,8 +1,7 @@
 """Held-out residuals by slices of the data: where the gap was, and where it shrank.
 
-A single RMSE hides that friction fails at reversals, drift when it is hot, and a compliant joint
-under load. So the same held-out residuals, of the base and of the extended model, are sorted by
-run, frequency, order, direction, speed, temperature, load, and distance from a reversal.
+The held-out residuals of the base and of the extended model are sorted by run, frequency, order,
+direction, speed, temperature, load, and distance from a reversal.
 
 For bands of frequency, and of orders of the output, each unbroken stretch is turned into cosines
 (DCT-II, orthonormal): it does not take the step between its last row and its first for a ripple,
@@ -11,14 +10,13 @@ and by Parseval the squares of the bands add up to those of the rows,
     Σ r² = Σ c_k²,     f_k = k / (2 N Δt),     order_k = π k / L  over an angle L [rad].
 
 `disagreement` compares what the base predicts with what was measured. The noise floor of a band is
-at most what the extended model leaves in it: a model that comes nearer than the floor that the
-base's residual suggests shows that this was too high.
+at most what the extended model leaves in it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -40,17 +38,8 @@ from flexspline.orders.parts import effective_ratio, output_angle
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
 
-__all__ = [
-    "Disagreement",
-    "HeldRun",
-    "Slice",
-    "compared_motion",
-    "disagreement",
-    "frequency_bands",
-    "order_bands",
-    "slices",
-    "telling",
-]
+__all__ = ["Disagreement", "HeldRun", "Slice", "compared_motion", "disagreement", "frequency_bands",
+           "order_bands", "slices", "telling"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -63,24 +52,15 @@ MOVES = 0.5  # of the largest speed but for a tenth, from which a row belongs to
 def frequency_bands(
     logs: Sequence[Log], residuals: Sequence[Sequence[Array]]
 ) -> list[tuple[str, int, list[float]]]:
-    """Return label, rows and RMS of each band, slow to fast.
+    """Return label, rows of the stretches and RMS of each model, of each band, slow to fast.
 
-    Parameters
-    ----------
-    logs : runs.
-    residuals : for each of several models, an array (N,) for each run; NaN where a row does not
-        count.
-
-    Returns
-    -------
-    list of (label, rows of the stretches, RMS of each model in the unit of the residuals)
+    `residuals`: of each model, (N,) of each run; NaN where a row does not count.
     """
     rate = 1.0 / max(median_step(log["time"]) for log in logs)
     high = min(HIGH_HZ, DECADE ** np.floor(np.log10(0.5 * SETTINGS.most * rate)))
     edges = [0.0, high / DECADE, high, np.inf]
     labels = [f"below {edges[1]:g} Hz", f"{edges[1]:g} to {high:g} Hz", f"above {high:g} Hz"]
-    made = [_banded(_in_time(logs, values), edges) for values in residuals]
-    return [(label, *_of_band(made, k)) for k, label in enumerate(labels)]
+    return _by_band(labels, edges, [_in_time(logs, values) for values in residuals])
 
 
 def order_bands(
@@ -98,18 +78,19 @@ def order_bands(
     edges = [0.0, HIGH_ORDER, high, np.inf]
     labels = [f"below order {HIGH_ORDER:g}", f"orders {HIGH_ORDER:g} to {high:g}",
               f"above order {high:g}"]  # fmt: skip
-    made = [_banded(_in_angle(logs, values), edges) for values in residuals]
-    if not all(rows for rows, _ in made):
-        return []
-    return [(label, *_of_band(made, k)) for k, label in enumerate(labels)]
+    parts = [[*_in_angle(logs, values)] for values in residuals]
+    return _by_band(labels, edges, parts) if all(parts) else []
 
 
-def _of_band(made: Sequence[tuple[int, list[float]]], band: int) -> tuple[int, list[float]]:
-    return made[0][0], [sizes[band] for _, sizes in made]
+def _by_band(
+    labels: Sequence[str], edges: Sequence[float], models: Sequence[Iterable[tuple[Array, Array]]]
+) -> list[tuple[str, int, list[float]]]:
+    made = [_banded(parts, edges) for parts in models]
+    return [(label, made[0][0], [sizes[k] for _, sizes in made]) for k, label in enumerate(labels)]
 
 
 def _banded(
-    parts: Iterator[tuple[Array, Array]], edges: Sequence[float]
+    parts: Iterable[tuple[Array, Array]], edges: Sequence[float]
 ) -> tuple[int, list[float]]:
     """Rows of all parts, and RMS of each band; NaN without a part."""
     squares, rows = np.zeros(len(edges) - 1), 0
@@ -281,19 +262,15 @@ def compared_motion(held: Sequence[HeldRun], which: str) -> Compared:
 
 
 def _judged(made: Discovery, compared: Compared) -> Disagreement:
+    """The comparison, no floor of which is higher than what a model has reached."""
     found = analysed(compared, lambda _: None)
     before, after = assembled(compared, found, made.model.facts), _after(made, compared, found)
     overall = _above(before.overall, made.noise_floor)
     by = {
-        name: tuple(_lowered(band, after[name][band.label]) for band in bands)
+        name: tuple(_above(one, min(one.noise_floor, after[name][one.label])) for one in bands)
         for name, bands in before.by.items()
     }
     return Disagreement(replace(before, overall=overall, by=by), after)
-
-
-def _lowered(band: Band, reached: float) -> Band:
-    """A band whose floor is no higher than what a model has reached."""
-    return _above(band, min(band.noise_floor, reached))
 
 
 def _above(band: Band, floor: float) -> Band:

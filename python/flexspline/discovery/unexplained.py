@@ -11,7 +11,7 @@ neighbours [CoverHart1967].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -48,17 +48,8 @@ from flexspline.regression.gram import (
     thinned,
 )
 
-__all__ = [
-    "Ceiling",
-    "Leftover",
-    "Overlap",
-    "Repeated",
-    "kept",
-    "leftover_in",
-    "leftover_of",
-    "looked_at",
-    "repeated",
-]
+__all__ = ["Ceiling", "Leftover", "kept", "leftover_in", "leftover_of", "looked_at",
+           "repeated"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -128,10 +119,7 @@ class FunctionTable:
         return np.array([a.T @ b for a, b in both]) / self.whitening.variance
 
     def beside(self, work: Working) -> Overlap:
-        """Return the functions beside the columns and shapes of a model, and what a smoother blurs.
-
-        What an inertia misses of a motion that is rounded off follows its acceleration.
-        """
+        """Return the functions beside the columns of a model, and beside what a smoother blurs."""
         blur = [run.blur for run in self.problem.runs]
         known = tuple(one for one in blur if one is not None)
         given = Functions(column=known) if len(known) == len(blur) else None
@@ -216,12 +204,8 @@ class Overlap:
 class Leftover:
     """Functions that explain the residual; `gain` in χ², by channel in `carried`.
 
-    `net`: of each when it was taken, less what the best of so many reaches by chance.
-
-    `share`: of all that names and functions explain, the functions' part, in χ².
-
-    `survives`: gain of each named effect beside these functions and all others of one of their
-    channels, over its gain without them.
+    `net`: of each when it was taken, less what the best of so many reaches by chance. `share`: of
+    all that names and functions explain, the functions' part, in χ². `survives`: see `_survival`.
     """
 
     groups: tuple[BasisFunctions, ...]
@@ -230,11 +214,6 @@ class Leftover:
     share: float
     carried: dict[str, float]
     survives: dict[str, float]
-
-    def times(self, share: float) -> Leftover:
-        """What so many times the rows would show."""
-        carried = {name: share * gain for name, gain in self.carried.items()}
-        return replace(self, gain=share * self.gain, net=share * self.net, carried=carried)
 
     @property
     def channels(self) -> list[str]:
@@ -250,16 +229,15 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
 
 
 def leftover_in(some: FunctionTable, work: Working) -> Leftover:
-    """Find the functions of a table that still gain beside a model, as all rows would show it."""
-    overlap = some.beside(work)
-    above = 0.0
+    """Find the functions of a table that still gain beside a model."""
+    overlap, above = some.beside(work), 0.0
     while len(overlap.chosen) < SETTINGS.tried:
         best = _best(overlap)
         if best is None:
             break
         above += best[1]
         overlap.chosen.append(best[0])
-    return _summary(overlap, work, above).times(1.0 / some.share)
+    return _summary(overlap, work, above)
 
 
 def _best(overlap: Overlap) -> tuple[int, float] | None:
@@ -282,7 +260,9 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
 
 
 def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
+    """What the functions taken explain, as all rows would show it."""
     table, ceiling = overlap.table(), overlap.ceiling
+    times = 1.0 / ceiling.share
     known_load = ceiling.problem.known_load
     groups = [ceiling.groups[k] for k in overlap.chosen]
     ends = len(overlap.owners) + np.cumsum([0, *(group.count for group in groups)])
@@ -293,20 +273,19 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     carried = {}
     for name in dict.fromkeys(c for names in told for c in sorted(names)):
         rest = [a for names, a in zip(told, at, strict=True) if name not in names]
-        carried[name] = gain - table.gain(np.concatenate([none, *rest]), own)
+        carried[name] = times * (gain - table.gain(np.concatenate([none, *rest]), own))
     named = np.isin(overlap.owners, [effect.name for effect in work.named])
     by_names = table.gain(np.flatnonzero(named), np.flatnonzero(~named))
     share = net / max(net + by_names, TINY)
     survives = _survival(overlap, work, set(carried))
-    return Leftover(tuple(groups), gain, net, share, carried, survives)
+    return Leftover(tuple(groups), times * gain, times * net, share, carried, survives)
 
 
 def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
-    """Gain of each named effect beside the functions taken and all of a channel that carries them.
+    """Gain of each named effect beside the functions taken and all of a channel that carries them,
+    over its gain without them.
 
-    Gain, over its gain without them. What a cause without a name shows of one channel alone may be
-    taken for an effect of that channel. Orders of the motor's angle are what a ripple of it is made
-    of: they do not stand against it.
+    Orders of the motor's angle do not stand against a ripple of it, which they are.
     """
     ceiling, own = overlap.ceiling, np.arange(len(overlap.owners))
     load = ceiling.problem.known_load
@@ -329,10 +308,8 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
 def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:
     """Share of its gain that a name keeps beside functions, its coefficients at most as without.
 
-    Functions that hold nearly all of it leave slivers of its columns, by which free coefficients
-    would explain whatever is there. So the name is taken as it was fitted, times c in [0, 1]: with
-    L the squares that functions leave of that column, and b its product with what they leave of
-    the target, it explains 2 c b − c² L.
+    The name is taken as it was fitted, times c in [0, 1]: with L the squares that functions leave
+    of that column, and b its product with what they leave of the target, it explains 2 c b − c² L.
     """
     alone, beside = table.without(others), table.without(np.concatenate([others, functions]))
     beta = solved(alone, mine)

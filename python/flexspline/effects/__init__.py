@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate, pairwise
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -20,6 +21,7 @@ __all__ = [
     "Traits",
     "effect",
     "require_effects",
+    "slices_of",
     "traits_of",
     "unit_in",
 ]
@@ -320,6 +322,12 @@ def require_effects(effects: Sequence[Effect], target: str) -> None:
             )
         if names.count(effect.name) > 1:
             raise InputError(f"effect '{effect.name}' is named twice; name it once")
+
+
+def slices_of(effects: Iterable[Effect]) -> list[slice]:
+    """Return where the coefficients of each effect stand among those of all."""
+    ends = [0, *accumulate(len(effect.terms) for effect in effects)]
+    return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def traits_of(name: str) -> Traits:

@@ -244,14 +244,11 @@ def _link_inertia(model: Model) -> float:
 
 def _hysteresis(model: Model, torsion: Part) -> dict[str, Any]:
     """The loop on the path of the load, rad at the output, as a field of the compliance."""
-    first = 0
-    for effect in torsion.effects:
-        last = first + len(effect.terms)
+    for effect, values in torsion.by_effect():
         if effect.name == TORSION_LOOP and effect.shapes["path"] < 0.5:
-            heights = torsion.coefficients[first:last] / _ratio(model)
+            heights = values / _ratio(model)
             loop = {"load_width": effect.shapes["load_width"], "heights": heights.tolist()}
             return {"hysteresis": loop}
-        first = last
     return {}
 
 
@@ -287,30 +284,18 @@ def _carried(model: Model) -> Part | None:
     for name in ("drive", "sensor"):
         part = model.parts.get(name)
         if part is not None and part.unit == "Nm" and any(e.name == GRAVITY for e in part.effects):
-            return _without(part, *(e.name for e in part.effects if e.name != GRAVITY))
+            return part.keeping(lambda effect: effect.name == GRAVITY)
     return None
 
 
 def _without(part: Part, *names: str) -> Part:
     """The part without these effects."""
-    first, effects, values = 0, [], []
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        if effect.name not in names:
-            effects.append(effect)
-            values += part.coefficients[first:last].tolist()
-        first = last
-    return replace(part, effects=tuple(effects), coefficients=np.array(values))
+    return part.keeping(lambda effect: effect.name not in names)
 
 
 def _first(part: Part, names: Sequence[str]) -> Part:
     """The part with these effects before the others, as the core's adaptation finds them."""
-    first, blocks = 0, []
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        blocks.append((effect, part.coefficients[first:last]))
-        first = last
-    blocks.sort(key=lambda block: block[0].name not in names)
+    blocks = sorted(part.by_effect(), key=lambda block: block[0].name not in names)
     return replace(
         part,
         effects=tuple(effect for effect, _ in blocks),
@@ -335,12 +320,8 @@ def _adaptation(made: Adaptation, observed: Part) -> dict[str, Any]:
 
 def _coefficient(part: Part, name: str) -> float:
     """The coefficient of an effect with one term, 0 where the part lacks it."""
-    first = 0
-    for effect in part.effects:
-        if effect.name == name:
-            return float(part.coefficients[first])
-        first += len(effect.terms)
-    return 0.0
+    values = part.coefficients_of(name)
+    return float(values[0]) if len(values) else 0.0
 
 
 def _temperature_range(parts: list[Part]) -> tuple[float, float] | None:

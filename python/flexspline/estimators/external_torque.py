@@ -540,15 +540,12 @@ class Adaptation(Entry):
         """Ranges and factor of the covariance that the core begins with, in the part's order."""
         entries = {entry["name"]: entry for entry in part.record.get("parameters", ())}
         low, high = [], []
-        first, values = 0, []
-        for effect in part.effects:
-            last = first + len(effect.terms)
-            if effect.name in self.effects:
-                values += [
-                    (f"{effect.name}.{term.name}", float(value), effect)
-                    for term, value in zip(effect.terms, part.coefficients[first:last], strict=True)
-                ]
-            first = last
+        values = [
+            (f"{effect.name}.{term.name}", float(value), effect)
+            for effect, own in part.by_effect()
+            if effect.name in self.effects
+            for term, value in zip(effect.terms, own, strict=True)
+        ]
         for name, value, effect in values:
             ends = self._range(value, entries.get(name, {}), effect)
             low.append(ends[0])

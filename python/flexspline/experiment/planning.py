@@ -30,7 +30,7 @@ that speed are weighted by the inverse of the ratio.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -72,8 +72,6 @@ from flexspline.regression.gram import SINGULAR, Columns, Whitening, left_by
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
 
-    Shaped = Callable[[Effect, tuple[Effect, ...], Problem], Sequence[Effect]]
-
 __all__ = [
     "Bench",
     "at_coarser_rate",
@@ -110,7 +108,6 @@ def planned(
     work: Working,
     whitening: Whitening,
     pairs: Sequence[tuple[str, Effect]],
-    shaped: Shaped,
     fit: Fit | None,
     limits: Limits | None = None,
 ) -> Plan | None:
@@ -120,8 +117,6 @@ def planned(
     ----------
     problem, work, whitening : recorded runs, model and noise of a discovery.
     pairs : name of an effect of the model, and the rival, with orders where it has any.
-    shaped : makes of a rival, of the effects beside it and of the runs the rival in all shapes
-        that are worth a look.
     fit : whose undetermined parameters are asked for; None for no parameter.
 
     Returns
@@ -130,7 +125,7 @@ def planned(
     """
 
     pieces, times = pieces_of(problem)
-    rivalries = [_rivalry(pieces, work, whitening, a, b, shaped) for a, b in pairs[:MOST_QUESTIONS]]
+    rivalries = [_rivalry(pieces, work, whitening, a, b) for a, b in pairs[:MOST_QUESTIONS]]
     parameters = _undetermined(fit, pairs)[: MOST_QUESTIONS - len(rivalries)]
     layout = layout_of(work, rivalries, parameters)
     if not layout.questions:
@@ -277,15 +272,10 @@ def _bench(
 
 
 def _rivalry(
-    problem: Problem,
-    work: Working,
-    whitening: Whitening,
-    named: str,
-    rival: Effect,
-    shaped: Shaped,
+    problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
 ) -> Rivalry:
     from flexspline.least_squares.options import SHARED
-    from flexspline.regression.candidate_model import refitted
+    from flexspline.regression.candidate_model import refitted, shaped
 
     others = [e for e in work.effects if e.name != named]
     variants = tuple(shaped(rival, tuple(others), problem))

@@ -197,14 +197,11 @@ class _Block:
             self._gear(NO_GEAR)
             return
         self._gear(gear_of(model.facts, by_motor_encoder(part)))
-        first = 0
-        for effect in part.effects:
-            last = first + len(effect.terms)
+        for effect, values in part.by_effect():
             if effect.terms:
-                self._effect(effect, part.coefficients[first:last].tolist())
+                self._effect(effect, values.tolist())
             if name == "observed model":
-                self.observed[effect.name] = len(self.payload) - (last - first) * self.size
-            first = last
+                self.observed[effect.name] = len(self.payload) - len(values) * self.size
 
     def _gear(self, gear: Mapping[str, Any]) -> None:
         whole = math.floor(gear["effective_ratio"])

@@ -27,7 +27,7 @@ from flexspline.model import PART_OF, Model, Part
 from flexspline.own import design_of
 from flexspline.signals import gear_of
 
-__all__ = ["TORSION", "Coupling", "coupling_of", "read_temperatures"]
+__all__ = ["TORSION", "Coupling", "coupling_of", "read_temperatures", "without_log"]
 
 Array = NDArray[np.float64]
 
@@ -123,21 +123,8 @@ def coupling_of(model: Model) -> Coupling:
             "with --gear-ratio"
         )
     ratio = float(gear_of(model.facts, motor_encoder=False)["effective_ratio"])
-    sizes, first = [], 0
-    for effect in whole.effects:
-        last = first + len(effect.terms)
-        if effect.name not in left:
-            sizes.append(whole.coefficients[first:last])
-        first = last
     ranges = whole.record.get("validity", {})
-    here = ("channels", "prepared")  # of the log: encoders, a filter
-    part = replace(
-        whole,
-        effects=effects,
-        coefficients=np.concatenate(sizes),
-        known_load="reference_torque",
-        record={key: value for key, value in whole.record.items() if key not in here},
-    )
+    part = without_log(whole.keeping(lambda e: e.name not in left), known_load="reference_torque")
     _require_braking(part)
     temperatures = read_temperatures(ranges)
     fitted = _fitted_load(effects, ranges, ratio)
@@ -174,12 +161,16 @@ def _left(effect: Effect) -> str:
     return f"it reads {listed(sorted(beyond))} beside a torque" if beyond else ""
 
 
+def without_log(part: Part, known_load: str | None) -> Part:
+    """Return the part for a simulator: nothing of its log's encoders and filter, another load."""
+    of_log = ("channels", "prepared")
+    record = {key: value for key, value in part.record.items() if key not in of_log}
+    return replace(part, known_load=known_load, record=record)
+
+
 def _require_braking(part: Part) -> None:
     """Refuse a loop that is run through the wrong way round."""
-    first = 0
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        coefficients = part.coefficients[first:last]
+    for effect, coefficients in part.by_effect():
         if effect.info.traits.dissipative and (coefficients < 0.0).any():
             worst = f"{effect.name}.{effect.terms[int(np.argmin(coefficients))].name}"
             raise InputError(
@@ -187,7 +178,6 @@ def _require_braking(part: Part) -> None:
                 f"turn of its loop would give energy; fit it again with --bound {worst}=0:, or "
                 "without the effect"
             )
-        first = last
 
 
 def _fitted_load(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.about import __version__
-from flexspline.effects import Effect
+from flexspline.effects import Effect, slices_of
 from flexspline.effects.causes import (
     COGGING,
     COULOMB,
@@ -55,6 +55,7 @@ __all__ = [
     "comment",
     "heading",
     "losses_text",
+    "mjcf_file",
     "mjcf_text",
     "output_torque",
     "plain_joint",
@@ -194,12 +195,10 @@ def plain_joint(
     to_torque = output_torque(model, part)
     values = dict.fromkeys(numbers, 0.0)
     sweep = _Sweep(model, part)
-    splits, first = list[_Split](), 0
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        coefficients = part.coefficients[first:last]
-        splits.append(_split(model, part, effect, coefficients, to_torque, values, motors))
-        first = last
+    splits = [
+        _split(model, part, effect, coefficients, to_torque, values, motors)
+        for effect, coefficients in part.by_effect()
+    ]
     left = [split for split in splits if not split.whole]
     lost, on_runs, logs = [_loss(split, sweep, to_torque) for split in left], None, as_logs(runs)
     if logs:
@@ -311,14 +310,12 @@ def _on_runs(
 
 def _weights(part: Part, left: Sequence[_Split]) -> Array:
     """What multiplies the model's rows, (P, L): of what is left out, and of what motors take."""
-    weights, first = np.zeros((len(part.coefficients), len(left))), 0
-    for effect in part.effects:
-        last = first + len(effect.terms)
+    weights = np.zeros((len(part.coefficients), len(left)))
+    for effect, at in zip(part.effects, slices_of(part.effects), strict=True):
         for place, each in enumerate(left):
             if each.effect is effect:
                 whole = bool(each.motors.made)
-                weights[first:last, place] = part.coefficients[first:last] if whole else each.rest
-        first = last
+                weights[at, place] = part.coefficients[at] if whole else each.rest
     return weights
 
 
@@ -445,22 +442,14 @@ class _Sweep:
         self._effects = [
             e for e in part.effects if not self._missing(e) and (whole or "load" not in e.reads)
         ]
-        self._rows: dict[str, Array] = {}
-        coefficients, first = [], 0
-        for effect in part.effects:
-            last = first + len(effect.terms)
-            if effect in self._effects:
-                coefficients.append(part.coefficients[first:last])
-            first = last
-        self._coefficients = np.concatenate([np.zeros(0), *coefficients])
+        self._coefficients = part.keeping(lambda e: e in self._effects).coefficients
         encoder = "motor_position" in self._ranges
         design = design_of(self._effects, gear_of(model.facts, encoder))
         self._all = np.asarray(design.rows(self._channels(), ROWS, self._coefficients))
-        first = 0
-        for effect in self._effects:
-            last = first + len(effect.terms)
-            self._rows[effect.name] = self._all[:, first:last]
-            first = last
+        self._rows = {
+            effect.name: self._all[:, at]
+            for effect, at in zip(self._effects, slices_of(self._effects), strict=True)
+        }
 
     def largest(self, effect: Effect, coefficients: Array) -> tuple[float | None, str]:
         """The largest of what these coefficients of an effect make, or why that is not known."""
@@ -538,22 +527,22 @@ def mjcf_text(joint: PlainJoint) -> str:
     inertial = attributes(
         [("pos", "0 0 0"), ("mass", "0.001"), ("diaginertia", "1e-09 1e-09 1e-09")]
     )
-    return "\n".join(
-        [
-            f"<mujoco {attributes([('model', joint.name)])}>",
-            comment(_said_in_mjcf(joint), "  "),
-            '  <compiler angle="radian"/>',
-            "  <worldbody>",
-            "    <body>",
-            f"      <inertial {inertial}/>",
-            f"      <joint {element}/>",
-            "    </body>",
-            "  </worldbody>",
-            *_actuators(joint),
-            "</mujoco>",
-            "",
-        ]
-    )
+    inside = [
+        "  <worldbody>",
+        "    <body>",
+        f"      <inertial {inertial}/>",
+        f"      <joint {element}/>",
+        "    </body>",
+        "  </worldbody>",
+        *_actuators(joint),
+    ]
+    return mjcf_file(joint.name, _said_in_mjcf(joint), inside)
+
+
+def mjcf_file(name: str, said: Iterator[str], inside: Sequence[str]) -> str:
+    """Return the text of an MJCF file in radians: its name, a comment, and what it holds."""
+    head = [f"<mujoco {attributes([('model', name)])}>", comment(said, "  ")]
+    return "\n".join([*head, '  <compiler angle="radian"/>', *inside, "</mujoco>", ""])
 
 
 def _actuators(joint: PlainJoint) -> Iterator[str]:

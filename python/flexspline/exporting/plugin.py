@@ -25,16 +25,22 @@ from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.effects.causes import GRAVITY, LAG
 from flexspline.errors import InputError, listed
-from flexspline.exporting.coupling import TORSION, Coupling, coupling_of, read_temperatures
+from flexspline.exporting.coupling import (
+    TORSION,
+    Coupling,
+    coupling_of,
+    read_temperatures,
+    without_log,
+)
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
 from flexspline.exporting.header import by_motor_encoder, header_text, own_headers
 from flexspline.exporting.plain_joint import (
     ARMATURE,
     attributes,
+    mjcf_file,
     output_torque,
     plain_joint,
 )
-from flexspline.exporting.plain_joint import comment as xml_comment
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, Part
 from flexspline.own import design_of
@@ -146,22 +152,12 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         )
     reads = {channel for effect in effects for channel in effect.reads}
     _require_channels(model, whole, reads)
-    first, kept, weight = 0, [], 0.0
-    for effect in whole.effects:
-        last = first + len(effect.terms)
-        if effect.name not in left:
-            kept.append(whole.coefficients[first:last])
-        if effect.name == GRAVITY:
-            weight = float(np.hypot(*whole.coefficients[first:last]))
-        first = last
+    gravity = whole.coefficients_of(GRAVITY)
+    weight = float(np.hypot(*gravity)) if len(gravity) else 0.0
     ranges = whole.record.get("validity", {})
-    here = ("channels", "prepared")  # of the log: an encoder, a filter
-    part = replace(
-        whole,
-        effects=effects,
-        coefficients=np.concatenate(kept),
+    part = without_log(
+        whole.keeping(lambda e: e.name not in left),
         known_load=(whole.known_load or "reference_torque") if "load" in reads else None,
-        record={key: value for key, value in whole.record.items() if key not in here},
     )
     temperatures = read_temperatures(ranges)
     return Plugin(
@@ -459,22 +455,16 @@ def _mjcf(scene: _Scene) -> str:
     bodies = [_body(scene.motor, 1e-9, scene.armature)]
     if step is not None:
         bodies.append(_body(scene.link, UNKNOWN_INERTIA, 0.0))
-    return "\n".join(
-        [
-            f"<mujoco {attributes([('model', scene.link)])}>",
-            xml_comment(_said(scene), "  "),
-            '  <compiler angle="radian"/>',
-            *([] if step is None else [f"  <option {attributes([('timestep', repr(step))])}/>"]),
-            "  <extension>",
-            *(line for one in scene.instances() for line in _instance(*one)),
-            "  </extension>",
-            "  <worldbody>",
-            *(line for body in bodies for line in body),
-            "  </worldbody>",
-            "</mujoco>",
-            "",
-        ]
-    )
+    inside = [
+        *([] if step is None else [f"  <option {attributes([('timestep', repr(step))])}/>"]),
+        "  <extension>",
+        *(line for one in scene.instances() for line in _instance(*one)),
+        "  </extension>",
+        "  <worldbody>",
+        *(line for body in bodies for line in body),
+        "  </worldbody>",
+    ]
+    return mjcf_file(scene.link, _said(scene), inside)
 
 
 def _instance(plugin: str, name: str, config: list[tuple[str, str]]) -> Iterator[str]:

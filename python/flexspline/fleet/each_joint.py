@@ -15,7 +15,6 @@ confidence c of the joint by itself, at even odds beforehand, and the share π =
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -30,7 +29,6 @@ from flexspline.fleet import Folders, sessions_from
 from flexspline.fleet.cluster import Workers, done, require_some, split_failed
 from flexspline.fleet.result import FleetResult
 from flexspline.fleet.sessions import Session, Sessions, readable
-from flexspline.lazy import render
 from flexspline.model import Model
 from flexspline.progress import Progress
 
@@ -102,7 +100,7 @@ class FleetComparison(FleetResult):
     remarks : sentences about the folders.
     """
 
-    _name: ClassVar = "fleet_comparison"
+    _kind: ClassVar = "fleet_comparison"
 
     target: str
     unit: str
@@ -180,21 +178,11 @@ class FleetComparison(FleetResult):
         }
         return self._file(content)
 
-    def report(self, folder: str | os.PathLike[str]) -> None:
-        """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
-        render("fleet comparison", "report", self, folder)
-
-    def __str__(self) -> str:
-        return render("fleet comparison", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<FleetComparison of {self.target}: {len(self.units)} joints, RMSE {self.rmse:.4g} "
             f"{self.unit}, noise floor {self.noise_floor:.4g} {self.unit}, worst {self.worst.name}>"
         )
-
-    def _repr_html_(self) -> str:
-        return render("fleet comparison", "html", self)
 
 
 def compare(
@@ -330,7 +318,7 @@ class FleetDiscovery(FleetResult):
     remarks : sentences about the folders.
     """
 
-    _name: ClassVar = "fleet_discovery"
+    _kind: ClassVar = "fleet_discovery"
 
     target: str
     unit: str
@@ -387,19 +375,9 @@ class FleetDiscovery(FleetResult):
         }
         return self._file(content)
 
-    def report(self, folder: str | os.PathLike[str]) -> None:
-        """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
-        render("fleet discovery", "report", self, folder)
-
-    def __str__(self) -> str:
-        return render("fleet discovery", "text", self)
-
     def __repr__(self) -> str:
         found = ", ".join(f"{n.effect} in {len(n.joints)}" for n in self.names) or "nothing"
         return f"<FleetDiscovery in {self.target}, {len(self.units)} joints: {found}>"
-
-    def _repr_html_(self) -> str:
-        return render("fleet discovery", "html", self)
 
 
 def discover(

@@ -19,7 +19,7 @@ from flexspline.fleet.accumulators import DIFFERENCES, Plan
 from flexspline.fleet.estimates import Scored
 from flexspline.fleet.population import Population, Shrunken
 from flexspline.formatting import Page, short_names
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.logs.log import Fact
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
@@ -34,11 +34,12 @@ __all__ = ["FleetFit", "FleetResult", "HeldOut", "Outlying", "RunFit", "UnitFit"
 Array = NDArray[np.float64]
 
 
-class FleetResult(ABC):
-    """What a result over a fleet has in common with others: its file, and what was left out."""
+class FleetResult(Rendered, ABC):
+    """What a result over a fleet has in common with others: its file, and what was left out.
 
-    _name: ClassVar[str]
-    """Of its JSON file and of that file's schema."""
+    Its kind is the name of that file and of the file's schema too.
+    """
+
     failed: tuple[tuple[str, str], ...]
     remarks: tuple[str, ...]
 
@@ -49,7 +50,7 @@ class FleetResult(ABC):
     def _file(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """The content of the file, between what made it and what was left out."""
         return {
-            "format": f"flexspline-{self._name.replace('_', '-')}",
+            "format": f"flexspline-{self._kind.replace('_', '-')}",
             "version": 1,
             "made_by": f"flexspline {__version__}",
             **content,
@@ -65,7 +66,17 @@ class FleetResult(ABC):
         InputError
             Where the file cannot be written.
         """
-        atomic_write(path, checked_json(self.to_json(), self._name))
+        atomic_write(path, checked_json(self.to_json(), self._kind))
+
+    def report(self, folder: str | os.PathLike[str]) -> None:
+        """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint.
+
+        Raises
+        ------
+        InputError
+            Where the folder cannot be written.
+        """
+        super().report(folder)
 
 
 @dataclass(frozen=True)
@@ -195,7 +206,7 @@ class FleetFit(FleetResult):
     remarks : sentences about the folders.
     """
 
-    _name: ClassVar = "fleet"
+    _kind: ClassVar = "fleet"
 
     plan: Plan
     units: tuple[UnitFit, ...]
@@ -389,16 +400,6 @@ class FleetFit(FleetResult):
         }  # fmt: skip
         return {**self._file(content), "differs_from_fit": list(DIFFERENCES)}
 
-    def report(self, folder: str | os.PathLike[str]) -> None:
-        """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint.
-
-        Raises
-        ------
-        InputError
-            Where the folder cannot be written.
-        """
-        render("fleet", "report", self, folder)
-
     def plot(self) -> Figure:
         """Return a figure: each joint's values beside the mean and spread of the fleet."""
         return render("fleet", "figure", self)
@@ -407,18 +408,12 @@ class FleetFit(FleetResult):
         """Return what `print` shows and a table of all joints."""
         return Page(render("fleet", "summary", self))
 
-    def __str__(self) -> str:
-        return render("fleet", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<FleetFit of {self.plan.target}: {len(self.units)} joints, "
             f"{sum(len(unit.runs) for unit in self.units)} runs, "
             f"{len({one.joint for one in self.outlying})} stand out>"
         )
-
-    def _repr_html_(self) -> str:
-        return render("fleet", "html", self)
 
 
 def _iso(date: datetime | None) -> str | None:

@@ -200,11 +200,8 @@ def require_movable(part: Part) -> None:
     ------
     InputError
     """
-    first = 0
     inertia = 0.0
-    for effect in part.effects:
-        values = part.coefficients[first : first + len(effect.terms)]
-        first += len(effect.terms)
+    for effect, values in part.by_effect():
         if effect.info.traits.inertial:
             inertia = float(values[0])
         brakes_load = effect.info.traits.dissipative and "load" in effect.reads

@@ -48,7 +48,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexspline import _core
-from flexspline.effects import Effect, effect
+from flexspline.effects import Effect, effect, slices_of
 from flexspline.effects.causes import KINEMATIC_ERROR, MESH, OFFSET, WAVE_GENERATOR
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
@@ -136,8 +136,7 @@ def mesh_of(part: Part, effective_ratio: float) -> Mesh:
     InputError
         Where the part has no mesh_compliance, or one that is not above zero.
     """
-    at = _place(part, MESH)
-    compliance = float(part.coefficients[at])
+    compliance = float(part.coefficients[_place(part, MESH)])
     if not compliance > 0.0:
         raise InputError(
             f"the part for torsion has a compliance of the mesh of {compliance:g} rad/Nm; it must "
@@ -149,10 +148,8 @@ def mesh_of(part: Part, effective_ratio: float) -> Mesh:
 
 def only(part: Part, name: str) -> Part:
     """Return the part with this effect alone."""
-    first = _place(part, name)
-    (its,) = [e for e in part.effects if e.name == name]
-    values = part.coefficients[first : first + len(its.terms)]
-    return replace(part, effects=(its,), coefficients=values)
+    _place(part, name)
+    return part.keeping(lambda its: its.name == name)
 
 
 def with_mesh_stiffness(part: Part, stiffness: float, effective_ratio: float) -> Part:
@@ -214,12 +211,10 @@ def _refit(
     known = [e.name for e in part.effects]
     effects = [*part.effects, *(effect(name) for name in free if name not in known)]
     held: dict[str, float] = {}
-    first = 0
-    for its in part.effects:
-        names = [f"{its.name}.{term.name}" for term in its.terms]
+    for its, values in part.by_effect():
         if its.name not in free:
-            held |= dict(zip(names, part.coefficients[first:].tolist(), strict=False))
-        first += len(names)
+            names = [f"{its.name}.{term.name}" for term in its.terms]
+            held |= dict(zip(names, values.tolist(), strict=True))
         held |= {_shape_name(its, shape): value for shape, value in its.shapes.items()}
     fixed = {**held, **dict(options.get("fixed") or {})}
     rest = {key: value for key, value in options.items() if key != "fixed"}
@@ -233,11 +228,9 @@ def _shape_name(its: Effect, shape: str) -> str:
 
 def _place(part: Part, name: str) -> int:
     """Number of the first coefficient of an effect."""
-    first = 0
-    for its in part.effects:
+    for its, at in zip(part.effects, slices_of(part.effects), strict=True):
         if its.name == name:
-            return first
-        first += len(its.terms)
+            return int(at.start)
     raise InputError(
         f"the part for {part.target} has no {name}; it has "
         f"{listed(its.name for its in part.effects)}: make it by torsion_part_from_datasheet or "

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,10 @@ from flexspline.effects import UNITS
 from flexspline.errors import InputError
 from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.options import Bounds
+from flexspline.least_squares.options import Bounds, coefficient_names
 from flexspline.least_squares.uncertainty import Uncertainty, require_level
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
@@ -49,7 +49,9 @@ __all__ = [
     "SimulationFit",
     "StartEnd",
     "contributions",
+    "parameters_frame",
     "shares",
+    "wald",
 ]
 
 
@@ -58,6 +60,8 @@ Array = NDArray[np.float64]
 _FIELDS = ("rmse", "held_out", "regression")
 _NOT_KEPT = ("degrees_of_freedom", "bounds", "logarithmic")
 """Of a parameter, what only the fit that was just made needs."""
+TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
+SINGULAR = 1e-9  # of a size: what is less is none
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,26 @@ class Parameter:
         return {key: value for key, value in asdict(self).items() if key not in _NOT_KEPT}
 
 
+def parameters_frame(parameters: Iterable[Parameter]) -> pandas.DataFrame:
+    """Return parameters as a table by their names; NaN for what is not determined."""
+    import pandas
+
+    rows = {
+        p.name: {
+            "value": p.value if p.determined else np.nan,
+            "standard_error": p.stderr,
+            "unit": p.unit,
+            "lower": p.interval[0] if p.determined else np.nan,
+            "upper": p.interval[1] if p.determined else np.nan,
+            "state": p.state,
+            "determined": p.determined,
+            "naive_error": p.naive_error,
+        }
+        for p in parameters
+    }
+    return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
+
+
 @dataclass(frozen=True)
 class FittedRun:
     """One run with its target and residuals, arrays (N,) in the unit of the target.
@@ -183,7 +207,7 @@ class Delay:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Rendered):
     """The result of `fit`: prints as a verdict, one line for each term.
 
     Parameters
@@ -212,6 +236,8 @@ class Fit:
     between_runs : of each term that runs have of their own (`FitOptions.per_run`): its values, mean
         and spread between the runs, and whether they differ. The model predicts with the mean.
     """
+
+    _kind: ClassVar = "fit"
 
     model: Model
     target: str
@@ -395,23 +421,7 @@ class Fit:
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table."""
-        import pandas
-
-        rows = {
-            p.name: {
-                "value": p.value if p.determined else np.nan,
-                "standard_error": p.standard_error if p.determined else np.nan,
-                "unit": p.unit,
-                "lower": p.interval[0] if p.determined else np.nan,
-                "upper": p.interval[1] if p.determined else np.nan,
-                "state": p.state,
-                "determined": p.determined,
-                "naive_error": p.naive_error,
-            }
-            for p in self.parameters
-        }
-        frame = pandas.DataFrame(list(rows.values()), index=list(rows))
-        return frame.rename_axis("parameter")
+        return parameters_frame(self.parameters)
 
     def covariance_frame(self) -> pandas.DataFrame:
         """Return the covariance of the parameters, rows and columns by name, in their units.
@@ -454,25 +464,15 @@ class Fit:
 
         return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
 
-    def __str__(self) -> str:
-        return render("fit", "text", self)
-
     def __repr__(self) -> str:
         return (
             f"<Fit of {self.target}: {len(self.parameters)} parameters, RMSE {self.rmse:.4g} "
             f"{self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("fit", "html", self)
-
     def plot(self) -> Any:
         """Return a figure: measured against predicted, residuals, components, orders."""
         return render("fit", "figure", self)
-
-    def report(self, path: Any) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("fit", "report", self, path)
 
 
 def contributions(fit: Fit, run: FittedRun) -> dict[str, Array]:
@@ -499,6 +499,33 @@ def shares(fit: Fit) -> dict[str, float]:
         for name, values in contributions(fit, run).items():
             squares[name] = squares.get(name, 0.0) + float(np.nansum(values[run.counts] ** 2))
     return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
+
+
+def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
+    """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
+
+    ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
+    shapes where they are.
+    """
+    known = fit.part.record["covariance"]["names"]
+    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
+    values = {p.name: p.value for p in fit.parameters}
+    at = [k for k, own in enumerate(known) if own in terms]
+    if not at:
+        return 0.0, 1
+    beta = np.array([values[known[k]] for k in at])
+    spread = fit.covariance[np.ix_(at, at)]
+    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
+    if held and own:
+        across = fit.covariance[np.ix_(own, at)]
+        shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)
+        spread = spread - across.T @ shapes @ across
+    scale = np.sqrt(np.maximum(np.diag(spread), TINY))
+    if np.all(scale <= SINGULAR * np.abs(beta)):
+        return np.inf, len(at)  # runs without noise
+    scaled = spread / np.outer(scale, scale)
+    told = np.linalg.lstsq(scaled, beta / scale, rcond=SINGULAR)[0]
+    return float((beta / scale) @ told), len(at)
 
 
 def _groups(fit: Fit, effects: list[str]) -> list[list[str]]:

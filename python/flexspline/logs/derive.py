@@ -359,9 +359,10 @@ def with_motion(log: Log) -> Log:
     missing = [name for name in names if name not in log]
     if not missing or "output_position" not in log or len(log) < 3:
         return log
-    if not (np.isfinite(log["output_position"]).all() and (np.diff(log["time"]) > 0).all()):
+    try:
+        made = differentiate(log)
+    except InputError:
         return log
-    made = differentiate(log)
     return log.with_columns({name: made[name] for name in missing}, note=made.history[-1])
 
 

@@ -478,12 +478,8 @@ def parts_of(friction: Any, count: int) -> list[Part | None]:
 
 
 def coefficient(part: Part | None, name: str) -> float | None:
-    first = 0
-    for effect in part.effects if part is not None else ():
-        if effect.name == name and part is not None:
-            return float(part.coefficients[first])
-        first += len(effect.terms)
-    return None
+    values = np.empty(0) if part is None else part.coefficients_of(name)
+    return float(values[0]) if len(values) else None
 
 
 def friction_torque(
@@ -543,18 +539,8 @@ def _said(
 
 
 def _alone(part: Part, *, inertia: bool) -> Part:
-    kept, first = [], 0
-    values: list[float] = []
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        if inertia or effect.name != INERTIA:
-            kept.append(effect)
-            values += part.coefficients[first:last].tolist()
-        first = last
     return replace(
-        part,
-        effects=tuple(kept),
-        coefficients=np.array(values),
+        part.keeping(lambda effect: inertia or effect.name != INERTIA),
         known_load=None,
         record={**part.record, "channels": []},
     )

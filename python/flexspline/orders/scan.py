@@ -50,7 +50,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby, pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +90,8 @@ __all__ = [
     "surprise",
     "visible",
 ]
+
+Level = TypeVar("Level", float, NDArray[np.float64])
 
 _CHUNK = 1 << 15
 _MOST = 200  # lines; more are not ripple
@@ -543,21 +547,38 @@ def find_low(parts: Sequence[Stretch], false_alarm: float) -> tuple[list[Line], 
         return [], []
     longest = max(part.turns for part in parts)
     arc = covered_arc([part.angle for part in parts])
-    gram, moment, rows = pooled(parts)
-    taken, lines = list(range(1, first)), []
-    tried = np.arange(first, SCANNED + 1)
-    while True:
-        power = powers(gram, moment, rows, taken, tried)
-        floor, support = _power_law(tried, power)
-        x = surprise(power / floor, np.full(len(power), support))
-        best = int(np.argmax(x[: last - first + 1]))
-        chance = float(chance_in_scan(x[[best]], np.ones(1), float(last - first + 1))[0])
-        if chance >= false_alarm or support < 2:
-            break
-        taken.append(int(tried[best]))
-        lines.append(Line(float(tried[best]), chance, 1 / max(arc, longest)))
+    gram, moment, rows = sums = pooled(parts)
+    taken, tried = list(range(1, first)), np.arange(first, SCANNED + 1)
+    found, floor = _standing_out(sums, taken, tried, last, partial(_power_law, tried), false_alarm)
+    lines = [Line(float(order), chance, 1 / max(arc, longest)) for order, chance in found]
     levels = [float(floor[int(line.order) - first]) for line in lines]
     return lines, _estimates(gram, moment, rows, taken, lines, levels)
+
+
+def _standing_out(
+    sums: tuple[NDArray[np.float64], NDArray[np.float64], int],
+    taken: list[int],
+    tried: NDArray[np.intp],
+    last: int,
+    floor_of: Callable[[NDArray[np.float64]], tuple[Level, float]],
+    false_alarm: float,
+) -> tuple[list[tuple[int, float]], Level]:
+    """Move what stands out of a floor, the largest first, from `tried` up to `last` to `taken`.
+
+    Returns orders with their probabilities, and the floor beside all of them.
+    """
+    count = int(last - tried[0] + 1)
+    found: list[tuple[int, float]] = []
+    while True:
+        power = powers(*sums, taken, tried)
+        floor, support = floor_of(power)
+        x = surprise(power / floor, np.full(len(power), support))
+        best = int(np.argmax(x[:count]))
+        chance = float(chance_in_scan(x[[best]], np.ones(1), float(count))[0])
+        if chance >= false_alarm or support < 2:
+            return found, floor
+        taken.append(int(tried[best]))
+        found.append((taken[-1], chance))
 
 
 def _power_law(
@@ -701,18 +722,8 @@ def find_faint(
     rows = sum(e[2] for e in each)
     taken = [*range(1, first), *(int(k) for k in found if k <= SCANNED and k == int(k))]
     tried = np.arange(first, SCANNED + 1)
-    new: list[int] = []
-    while True:
-        power = powers(gram, moment, rows, taken, tried)
-        level, support = flat_floor(power)
-        x = surprise(power / level, np.full(len(power), support))
-        best = int(np.argmax(x[: last - first + 1]))
-        chance = float(chance_in_scan(x[[best]], np.ones(1), float(last - first + 1))[0])
-        if chance >= false_alarm or support < 2:
-            break
-        new.append(int(tried[best]))
-        taken.append(new[-1])
-    return tuple(_jackknifed(each, taken, order) for order in sorted(new))
+    new, _ = _standing_out((gram, moment, rows), taken, tried, last, flat_floor, false_alarm)
+    return tuple(_jackknifed(each, taken, order) for order, _ in sorted(new))
 
 
 def _jackknifed(

@@ -47,6 +47,7 @@ from flexspline.effects import (
     Harmonic,
     ShapeInfo,
     TermInfo,
+    slices_of,
 )
 from flexspline.errors import InputError, did_you_mean, listed, one_line, shortened
 from flexspline.files import refuse_special
@@ -667,15 +668,13 @@ class Mixed:
     def __init__(self, effects: Sequence[Effect], gear: Mapping[str, Any]) -> None:
         self._core = core_design([e for e in effects if not e.own], gear)
         self._own: list[tuple[OwnEffect, slice]] = []
-        own, first = is_own(effects), 0
+        own = is_own(effects)
         self._of_core = np.flatnonzero(~own)
         self._of_own = np.flatnonzero(own)
         self.columns = len(own)
-        for effect in effects:
-            last = first + len(effect.terms)
+        for effect, at in zip(effects, slices_of(effects), strict=True):
             if isinstance(effect, OwnEffect):
-                self._own.append((effect, slice(first, last)))
-            first = last
+                self._own.append((effect, at))
 
     def rows(self, channels: dict[str, Array], size: int, coefficients: Array) -> Array:
         """Design matrix, shape (size, columns)."""

@@ -33,6 +33,7 @@ from flexspline.plot.canvas import (
     Panel,
     axes_or_new,
     banded,
+    can_be_drawn,
     channel_label,
     colours_of_runs,
     legend,
@@ -132,7 +133,7 @@ def panels(fit: Fit) -> list[Panel]:
     if TEMPERATURE_DRIFT in [effect.name for effect in fit.part.effects]:
         logs = [run.log for run in fit.runs]
         found.append(Panel(partial(drift_curve, fit, logs), LOOK_FOR["drift"]))
-    if _turns(fit):
+    if can_be_drawn(order_spectra, fit):
         found.append(Panel(partial(order_spectra, fit), LOOK_FOR["orders"]))
     return found
 
@@ -143,15 +144,6 @@ def _motion(fit: Fit) -> list[Panel]:
         return []
     shown = ("worst", "median") if len(fit.runs) > 1 else ("worst",)
     return [Panel(partial(simulated_motion, fit, run), LOOK_FOR[run]) for run in shown]
-
-
-def _turns(fit: Fit) -> bool:
-    """Whether the runs turn the joint far enough, with an angle, for orders to be seen."""
-    try:
-        order_spectra(fit)
-    except InputError:
-        return False
-    return True
 
 
 def measured_against_predicted(fit: Fit, ax: Axes | None = None) -> Axes:
@@ -461,26 +453,20 @@ def _temperatures(model: Model, part: Part, runs: Sequence[Log], ax: Axes) -> Ar
 
 def _curve(model: Model, part: Part, grid: Array) -> tuple[Array, Array | None]:
     """Offset + drift on a grid of temperatures, with its standard error where it is known."""
-    chosen, values, names, first = [], [], [], 0
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        if effect.name in (TEMPERATURE_DRIFT, OFFSET):
-            chosen.append(effect)
-            values += part.coefficients[first:last].tolist()
-            names += [f"{effect.name}.{term.name}" for term in effect.terms]
-        first = last
+    drift = part.keeping(lambda effect: effect.name in (TEMPERATURE_DRIFT, OFFSET))
+    names = [f"{effect.name}.{term.name}" for effect in drift.effects for term in effect.terms]
     log = Log.from_arrays(time=np.arange(len(grid), dtype=float), temperature=grid)
 
     def value(coefficients: Array) -> Array:
-        only = Part(part.target, tuple(chosen), coefficients)
+        only = Part(part.target, drift.effects, coefficients)
         return Model({"only": only}, model.facts).predict(log, part.target).predicted
 
-    rows = np.column_stack([value(unit) for unit in np.eye(len(values))])
+    rows = np.column_stack([value(unit) for unit in np.eye(len(names))])
     covariance = _covariance(part.record.get("covariance"), names)
     if covariance is None:
-        return value(np.array(values)), None
+        return value(drift.coefficients), None
     error = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", rows, covariance, rows), 0.0))
-    return value(np.array(values)), np.asarray(error)
+    return value(drift.coefficients), np.asarray(error)
 
 
 def _covariance(record: Any, names: Sequence[str]) -> Array | None:

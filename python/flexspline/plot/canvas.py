@@ -21,6 +21,7 @@ from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from flexspline.errors import InputError
 from flexspline.logs.channels import CHANNELS
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "PlainFigure",
     "axes_or_new",
     "banded",
+    "can_be_drawn",
     "channel_label",
     "colours_of_runs",
     "legend",
@@ -135,6 +137,15 @@ def panelled(panels: Sequence[Panel]) -> PlainFigure:
     for cell, panel in zip(cells, panels, strict=False):
         panel.draw(cell.add_subplot())
     return figure
+
+
+def can_be_drawn(draw: Callable[[Any], object], made: object) -> bool:
+    """Whether a drawing has something to show: it is refused where a result lacks that."""
+    try:
+        draw(made)
+    except InputError:
+        return False
+    return True
 
 
 def axes_or_new(ax: Axes | None, width: float = 6.0, height: float = 3.8) -> Axes:

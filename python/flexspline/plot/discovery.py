@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.result import BY_NAMES
 from flexspline.discovery.slices import telling
-from flexspline.errors import InputError
 from flexspline.experiment.plan import ENOUGH
 from flexspline.plot.canvas import (
     GREY,
@@ -25,6 +24,7 @@ from flexspline.plot.canvas import (
     Panel,
     PlainFigure,
     axes_or_new,
+    can_be_drawn,
     channel_label,
     legend,
     outline,
@@ -82,7 +82,7 @@ def panels(made: Discovery) -> list[Panel]:
     ]
     if made.motion is not None:
         found.append(Panel(partial(driven_forward, made), LOOK_FOR["driven"]))
-    if _turns(made):
+    if can_be_drawn(orders_before_after, made):
         found.append(Panel(partial(orders_before_after, made), LOOK_FOR["orders"]))
     return found
 
@@ -204,14 +204,6 @@ def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
     titled(ax, "Orders of the residual, before and after")
     legend(ax)
     return ax
-
-
-def _turns(made: Discovery) -> bool:
-    try:
-        orders_before_after(made)
-    except InputError:
-        return False
-    return True
 
 
 def _telling(made: Discovery) -> tuple[int, slice]:

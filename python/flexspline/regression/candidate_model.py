@@ -30,15 +30,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from flexspline.effects import Effect
+from flexspline.effects import Effect, ShapeInfo
 from flexspline.least_squares.noise_model import Chunk, noise_model
-from flexspline.least_squares.options import ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.least_squares.options import (
+    SHARED,
+    ShapeParameter,
+    coefficient_names,
+    resolve,
+    shapes_of,
+)
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import (
     SINGULAR,
@@ -66,6 +72,8 @@ __all__ = [
     "refitted",
     "restricted_whitening",
     "rmse_error",
+    "rmse_of",
+    "shaped",
     "solved_at",
     "started",
     "working",
@@ -312,6 +320,76 @@ def started(
     return refitted(problem, work, whitening)
 
 
+SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
+OUTERMOST = 0.005  # of the values of a channel at either end, that tell nothing of its size
+UNIT_CHANNELS = {
+    "rad/s": ("output_velocity",),
+    "Nm": ("known_load",),
+    "rad": ("output_position", "motor_position"),
+}
+
+
+def shaped(
+    effect: Effect, model: tuple[Effect, ...], problem: Problem, points: int = SCANNED
+) -> list[Effect]:
+    """Return the effect with each combination of shapes that is worth screening.
+
+    A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
+    constant between two samples and half a run, a resonance among the orders times the speeds;
+    where nothing tells, the bounds of the catalogue do. `points`: values of a single shape.
+    """
+    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
+    own = {name: value for name, value in known.items() if name in effect.shapes}
+    effect = effect.with_shapes(**own)
+    free = [s for s in effect.fitted_shapes if s.name not in own]
+    count = max(points - 2 * max(len(free) - 1, 0), 2)
+    grids = [_grid(effect, shape, problem, count) for shape in free]
+    names = [shape.name for shape in free]
+    return [
+        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
+    ]
+
+
+def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
+    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
+    low, high = problem.once(key, lambda: _range(effect, shape, problem))
+    low, high = max(low, shape.lower), min(high, shape.upper)
+    if not low < high:
+        return [float(np.clip(shape.default, shape.lower, shape.upper))]
+    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
+    return [float(value) for value in inside]
+
+
+def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
+    if shape.unit == "s":
+        step = min(1.0 / run.log.rate for run in problem.runs)
+        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
+    wanted = UNIT_CHANNELS.get(shape.unit, ())
+    reads = ("known_load" if name == "load" else name for name in effect.reads)
+    for name in (name for name in reads if name in wanted):
+        found = [run.channels[name] for run in problem.runs if name in run.channels]
+        sizes = [_size(values, shape.unit) for values in found]
+        if sizes and max(sizes) > 0.0:
+            if effect.ripple:
+                return _resonance(effect, max(sizes))
+            return OUTERMOST * max(sizes), max(sizes)
+    return shape.lower, shape.upper
+
+
+def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
+    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
+    orders = [order for order, _ in effect.harmonics] or [1]
+    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
+
+
+def _size(values: Array, unit: str) -> float:
+    """The largest without the outermost per cent; of angles half the way from end to end."""
+    if unit != "rad":
+        return float(np.quantile(np.abs(values), 1.0 - OUTERMOST))
+    low, high = np.quantile(values, (OUTERMOST, 1.0 - OUTERMOST))
+    return float(max(high - low, 0.0)) / 2.0
+
+
 def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
     """Return the model at its optimum, and its squares over σ².
 
@@ -455,11 +533,7 @@ class HeldOut:
     @property
     def rmse(self) -> float:
         """In the unit of the target, of all rows that count."""
-        counted = (np.isfinite(part) for part in self.residuals)
-        parts = [part if c.all() else part[c] for part, c in
-                 zip(self.residuals, counted, strict=True)]  # fmt: skip
-        squares = sum(float(part @ part) for part in parts)
-        return float(np.sqrt(squares / sum(map(len, parts))))
+        return rmse_of(self.residuals)
 
 
 def held_out(
@@ -522,12 +596,20 @@ def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[
             yield Fold(number, int(first), int(last), values)
 
 
-def rmse_error(held: HeldOut) -> float:
-    """Return the standard error of an RMSE held out: blocks longer than memory are independent."""
+def rmse_of(residuals: Sequence[Array]) -> float:
+    """Return the RMSE of residuals (N,) of each run; NaN where a row does not count."""
+    counted = (np.isfinite(part) for part in residuals)
+    parts = [part if c.all() else part[c] for part, c in zip(residuals, counted, strict=True)]
+    squares = sum(float(part @ part) for part in parts)
+    return float(np.sqrt(squares / sum(map(len, parts))))
+
+
+def rmse_error(residuals: Sequence[Array], rows: int) -> float:
+    """Return the standard error of `rmse_of`; blocks of so many rows are independent."""
     sums, counts = list[float](), list[int]()
-    for left in held.residuals:
+    for left in residuals:
         squares = left[np.isfinite(left)] ** 2
-        blocks = np.array_split(squares, max(1, round(len(squares) / held.problem.block_rows)))
+        blocks = np.array_split(squares, max(1, round(len(squares) / rows)))
         sums += [float(block.sum()) for block in blocks]
         counts += [len(block) for block in blocks]
     if len(sums) < 2 or not sum(sums) > 0.0:

@@ -209,13 +209,13 @@ def calibration_verdict(result: CalibrationResult) -> Verdict:
     faults, missing = _faults(result), _missing(result)
     if not faults:
         return Verdict(good, f"No problem was found with it.{missing}", False)
-    grave = (
+    critical = (
         result.calibration is None
         or not result.uncertainty.reliable
         or _hidden(result) != []
         or _moved(result)
     )
-    return Verdict(good, f"{faults_sentence(faults, grave)}{missing}", grave)
+    return Verdict(good, f"{faults_sentence(faults, critical)}{missing}", critical)
 
 
 def _moved(result: CalibrationResult) -> bool:

@@ -134,7 +134,7 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
 def _common(made: Comparison) -> dict[str, Any]:
     return {
         "sentences": made.sentences,
-        "grave": bool(made.follows),
+        "critical": bool(made.follows),
         "worst": worst_rows(made),
         "followed": followed(made),
         "orders": order_rows(made) if made.orders else [],
@@ -283,7 +283,7 @@ def write_models_report(made: ModelComparison, path: str | os.PathLike[str]) -> 
         names=made.names,
         verdict=_verdict(made),
         title=_title(made),
-        table=_rows(made),
+        errors=_rows(made),
         notes=_notes(made),
         figures=[drawn(panel) for panel in model_panels(made)],
         logs=log_facts([run.log for run in made.runs]),

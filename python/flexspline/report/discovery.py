@@ -59,7 +59,7 @@ PLAN = (
 
 MOST_RIVALS = 3
 LIKELY = 0.5  # confidence from which a name is more likely right than wrong
-GRAVE = "Faults of the data, to be fixed first"
+CRITICAL = "Faults of the data, to be fixed first"
 LEFT_OUT = "Left out of the runs, before anything was searched"
 SMALL = "Seen in the data, too little to matter here"
 
@@ -151,7 +151,7 @@ def _common(made: Discovery) -> dict[str, Any]:
             }
             for one in made.found
         ],
-        "grave": bool(made.unexplained and not _unexplained_is_small(made))
+        "critical": bool(made.unexplained and not _unexplained_is_small(made))
         or any(fault.grave for fault in made.data_faults),
     }
 
@@ -380,9 +380,9 @@ def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
     """
     cut = [fault.sentence for fault in made.data_faults if fault.left_out]
     told = [(LEFT_OUT, cut)] if cut else []
-    for title, grave in ((GRAVE, True), (SMALL, False)):
+    for title, critical in ((CRITICAL, True), (SMALL, False)):
         alike: dict[tuple[str, str], list[DataFault]] = {}
-        for fault in (f for f in made.data_faults if f.grave is grave and not f.left_out):
+        for fault in (f for f in made.data_faults if f.grave is critical and not f.left_out):
             alike.setdefault((fault.name, fault.channel), []).append(fault)
         if alike:
             told.append((title, [_together(faults) for faults in alike.values()]))

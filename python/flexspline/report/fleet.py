@@ -31,7 +31,7 @@ from flexspline.tracking.result import day, in_unit, spoken
 
 if TYPE_CHECKING:
     from flexspline.fleet.each_joint import FleetComparison, FleetDiscovery, UnitDiscovery
-    from flexspline.fleet.result import FleetFit, UnitFit
+    from flexspline.fleet.result import FleetFit, FleetResult, UnitFit
     from flexspline.tracking.fleet import FleetTrack
 
 __all__ = [
@@ -98,7 +98,7 @@ class PageOf:
     over: str
     title: str
     verdict: Sequence[str]
-    grave: bool
+    critical: bool
     sections: Sequence[Section]
     call: str = ""
     back: tuple[str, str] | None = None
@@ -220,10 +220,22 @@ def _write_unit(made: FleetFit, unit: UnitFit, path: Path) -> None:
         Section("figure", "Among the others", figures=[drawn(figure)]),
         Section("runs", "Runs", rows=_run_rows(made, unit), words=(0, 1, 6)),
     ]  # fmt: skip
-    over = f"flexspline {__version__} · one of {len(made.units)} joints"
     verdict = [said, f"{runs}; the fit leaves {padded(unit.rmse)} {made.plan.unit} RMS."]
+    _write_joint(len(made.units), unit.name, verdict, bool(out), sections, path)
+
+
+def _write_joint(
+    joints: int,
+    name: str,
+    verdict: Sequence[str],
+    critical: bool,
+    sections: Sequence[Section],
+    path: Path,
+) -> None:
+    """Write the page of one of so many joints, with a link to that of the fleet."""
+    over = f"flexspline {__version__} · one of {joints} joints"
     back = ("../report.html", "The fleet")
-    write_page(PageOf(over, unit.name, verdict, bool(out), sections, back=back), path)
+    write_page(PageOf(over, name, verdict, critical, sections, back=back), path)
 
 
 NOBODY = "No joint stands out."
@@ -404,20 +416,18 @@ def _call(made: FleetFit) -> str:
 
 def discovery_of_fleet_text(made: FleetDiscovery) -> str:
     """Return what `print(discovery)` of a fleet shows."""
-    blocks = [
-        _lines(_discovered(made)),
-        [rows_text(_name_rows(made))] if made.names else [],
-        [rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1))],
-        _lines(_failed(made.failed, made.remarks)),
-    ]
-    return blocks_text(blocks)
+    return _as_text(
+        made,
+        _discovered(made),
+        rows_text(_name_rows(made)) if made.names else "",
+        rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1)),
+    )
 
 
 def discovery_of_fleet_html(made: FleetDiscovery) -> str:
     """Return it as a fragment of HTML."""
-    said = _discovered(made)
-    rest = [*said[1:], *_failed(made.failed, made.remarks)]
-    return table_html(said[0], _name_rows(made) if made.names else _looked_rows(made), rest)
+    rows = _name_rows(made) if made.names else _looked_rows(made)
+    return _as_html(made, _discovered(made), rows)
 
 
 @own_style()
@@ -471,9 +481,7 @@ def _write_discovered(made: FleetDiscovery, unit: UnitDiscovery, path: Path) -> 
         Section("left", "What else there is to say", said or ["Nothing."]),
         Section("values", "The extended model", rows=values, words=(0, 1)),
     ]
-    over = f"flexspline {__version__} · one of {len(made.units)} joints"
-    back = ("../report.html", "The fleet")
-    write_page(PageOf(over, unit.name, verdict, bool(unit.found), sections, back=back), path)
+    _write_joint(len(made.units), unit.name, verdict, bool(unit.found), sections, path)
 
 
 NAMES = (
@@ -543,19 +551,13 @@ def _looked_rows(made: FleetDiscovery) -> list[Row]:
 
 def comparison_of_fleet_text(made: FleetComparison) -> str:
     """Return what `print(comparison)` of a fleet shows."""
-    blocks = [
-        _lines(_compared(made)),
-        [rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))],
-        _lines(_failed(made.failed, made.remarks)),
-    ]
-    return blocks_text(blocks)
+    table = rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))
+    return _as_text(made, _compared(made), table)
 
 
 def comparison_of_fleet_html(made: FleetComparison) -> str:
     """Return it as a fragment of HTML."""
-    said = _compared(made)
-    rest = [*said[1:], *_failed(made.failed, made.remarks)]
-    return table_html(said[0], _compared_rows(made), rest)
+    return _as_html(made, _compared(made), _compared_rows(made))
 
 
 @own_style()
@@ -590,11 +592,9 @@ def write_comparison_of_fleet(made: FleetComparison, folder: str | os.PathLike[s
                          *(padded(float(worst[key] or 0.0))
                            for key in ("rmse", "noise_floor", "excess"))))  # fmt: skip
         sections = [Section("worst", "Worst bands", rows=rows, words=(0, 1))]
-        over = f"flexspline {__version__} · one of {len(made.units)} joints"
-        back = ("../report.html", "The fleet")
         said = [str(sentence) for sentence in unit.content["sentences"]]
-        joint = PageOf(over, unit.name, said, bool(unit.follows), sections, back=back)
-        write_page(joint, Path(folder) / pages[unit.name])
+        path = Path(folder) / pages[unit.name]
+        _write_joint(len(made.units), unit.name, said, bool(unit.follows), sections, path)
 
 
 def _compared(made: FleetComparison) -> list[str]:
@@ -627,18 +627,14 @@ CHANGES = (
 
 def track_of_fleet_text(made: FleetTrack) -> str:
     """Return what `print(track)` of a fleet shows."""
-    blocks = [
-        _lines([made.verdict]),
-        [rows_text(_change_rows(made)[: MOST_SHOWN + 1], (0, 1, 2, 4))] if made.changed else [],
-        _lines(_failed(made.failed, made.remarks)),
-    ]
-    return blocks_text(blocks)
+    shown = _change_rows(made)[: MOST_SHOWN + 1]
+    return _as_text(made, [made.verdict], rows_text(shown, (0, 1, 2, 4)) if made.changed else "")
 
 
 def track_of_fleet_html(made: FleetTrack) -> str:
     """Return it as a fragment of HTML."""
     rows = _change_rows(made) if made.changed else _tracked_rows(made)
-    return table_html(made.verdict, rows, _failed(made.failed, made.remarks))
+    return _as_html(made, [made.verdict], rows)
 
 
 @own_style()
@@ -690,6 +686,15 @@ def _tracked_rows(made: FleetTrack) -> list[Row]:
         told = "not known yet" if name in made.unknown else told
         rows.append((name, told, str(len(history)), *ends))
     return rows
+
+
+def _as_text(made: FleetResult, said: Sequence[str], *tables: str) -> str:
+    left = _lines(_failed(made.failed, made.remarks))
+    return blocks_text([_lines(said), *([table] if table else [] for table in tables), left])
+
+
+def _as_html(made: FleetResult, said: Sequence[str], rows: Sequence[Row]) -> str:
+    return table_html(said[0], rows, [*said[1:], *_failed(made.failed, made.remarks)])
 
 
 def _failed(failed: Sequence[tuple[str, str]], remarks: Sequence[str]) -> list[str]:

@@ -399,7 +399,7 @@ def write_check_report(
         path,
         "check.html",
         verdict=check_verdict(audits, target),
-        grave=any(found.forbidding(target) or found.faults for _, found in audits),
+        critical=any(found.forbidding(target) or found.faults for _, found in audits),
         runs=runs,
         effects=_effects(audits, excited),
     )

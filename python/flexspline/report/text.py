@@ -200,11 +200,11 @@ def _warnings_text(fit: Fit) -> list[str]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Two sentences. `grave`: what is wrong makes the numbers unfit for use as they stand."""
+    """Two sentences. `critical`: what is wrong makes the numbers unfit for use as they stand."""
 
     good: str
     wrong: str
-    grave: bool
+    critical: bool
 
 
 def verdict(fit: Fit) -> Verdict:
@@ -224,16 +224,16 @@ def verdict(fit: Fit) -> Verdict:
         )
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
-    grave, doubts = _grave(fit, share), _doubts(fit)
+    critical, doubts = _critical(fit, share), _doubts(fit)
     said = SOUND
-    if grave or doubts:
-        said = faults_sentence([*grave, *doubts], bool(grave))
-    return Verdict(good, " ".join([said, *_zeros(fit)]), bool(grave))
+    if critical or doubts:
+        said = faults_sentence([*critical, *doubts], bool(critical))
+    return Verdict(good, " ".join([said, *_zeros(fit)]), bool(critical))
 
 
-def faults_sentence(faults: Sequence[str], grave: bool) -> str:
+def faults_sentence(faults: Sequence[str], critical: bool) -> str:
     """Return what speaks against a result: problems, or only what to look at before it is used."""
-    return f"{'Problems' if grave else 'Check before use'}: {'; '.join(faults)}."
+    return f"{'Problems' if critical else 'Check before use'}: {'; '.join(faults)}."
 
 
 def spread(fit: Fit) -> float:
@@ -243,7 +243,7 @@ def spread(fit: Fit) -> float:
 
 
 def validation_sentence(fit: Fit) -> str:
-    """Return how the rows never seen were chosen."""
+    """Return how the held-out rows were chosen."""
     if fit.validated_by == "folds of runs":
         return f"Held out: each of {fit.folds} folds of runs in turn, fitted to the others."
     if fit.validated_by == "runs":
@@ -280,7 +280,7 @@ def _percent(share: float) -> str:
     return f"{np.floor(share * 100 * 10**digits) / 10**digits:.{digits}f} %"
 
 
-def _grave(fit: Fit, share: float) -> list[str]:
+def _critical(fit: Fit, share: float) -> list[str]:
     found = []
     if not share >= 0.05:
         found.append("it predicts no better than a constant")

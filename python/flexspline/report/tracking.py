@@ -53,7 +53,7 @@ def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
         "track.html",
         title=made.history.joint or "One joint over time",
         verdict=made.verdict,
-        grave=bool(made.changes),
+        critical=bool(made.changes),
         sentences=made.sentences,
         parameters=parameter_rows(made),
         figures=[drawn(panel) for panel in panels(made)],

@@ -303,7 +303,7 @@ def _no_load(study: Study) -> PlainFigure:
             "a  reading without load, 1 Hz",
             "b  over the joint angle",
             "c  components",
-            "d  residual, a run never seen",
+            "d  residual, a held-out run",
         ],
     )
     log = study.no_load[-1]

@@ -45,22 +45,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from flexspline import simulation as sim
 from flexspline.logs.log import Log
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Output,
-    Servo,
-    SlipElement,
-    Start,
-    Thermal,
-    Trajectory,
-)
 
 __all__ = [
     "COULOMB",
@@ -94,16 +80,16 @@ FLEX = "wave_generator_on_flexspline"
 
 #: Table III: order, pair, amplitude [rad at the motor], phase of (23).
 KINEMATIC_ERROR = (
-    Harmonic(1, 0.5725e-3, -0.9089, OUTPUT),
-    Harmonic(2, 3.0897e-3, 1.7965, OUTPUT),
-    Harmonic(4, 2.5476e-3, -1.3968, OUTPUT),
-    Harmonic(1, 0.4770e-3, -0.9092, CIRCULAR),
-    Harmonic(1, 0.1289e-3, -1.2547, FLEX),
-    Harmonic(2, 4.3530e-3, 2.2575, CIRCULAR),
-    Harmonic(201, 0.6327e-3, -2.5073, OUTPUT),
-    Harmonic(2, 0.7937e-3, 1.7018, FLEX),
-    Harmonic(4, 2.3372e-3, 0.8252, CIRCULAR),
-    Harmonic(4, 0.1693e-3, 0.9262, FLEX),
+    sim.Harmonic(1, 0.5725e-3, -0.9089, OUTPUT),
+    sim.Harmonic(2, 3.0897e-3, 1.7965, OUTPUT),
+    sim.Harmonic(4, 2.5476e-3, -1.3968, OUTPUT),
+    sim.Harmonic(1, 0.4770e-3, -0.9092, CIRCULAR),
+    sim.Harmonic(1, 0.1289e-3, -1.2547, FLEX),
+    sim.Harmonic(2, 4.3530e-3, 2.2575, CIRCULAR),
+    sim.Harmonic(201, 0.6327e-3, -2.5073, OUTPUT),
+    sim.Harmonic(2, 0.7937e-3, 1.7018, FLEX),
+    sim.Harmonic(4, 2.3372e-3, 0.8252, CIRCULAR),
+    sim.Harmonic(4, 0.1693e-3, 0.9262, FLEX),
 )
 
 DRIVING = (6.5, 14.0)  # Nm
@@ -131,9 +117,9 @@ class FullRangeRig:
     seed : of pushes, starting angles and noise.
     """
 
-    joint: Joint
-    output_encoder: Encoder
-    motor_encoder: Encoder
+    joint: sim.Joint
+    output_encoder: sim.Encoder
+    motor_encoder: sim.Encoder
     zero_drift: float
     zero_wander: float
     sensor_gain: float
@@ -189,7 +175,7 @@ class FullRangeRig:
 
     def _controlled(self, name: str, run: int, time: Array, **commands: Array) -> Log:
         """Return a run with the motor's angle or speed controlled; held where none is commanded."""
-        servo = Servo(RATE, velocity_gain=0.03, integral_gain=0.5, torque_limit=2.0)
+        servo = sim.Servo(RATE, velocity_gain=0.03, integral_gain=0.5, torque_limit=2.0)
         trajectory = self._simulated(
             run,
             time,
@@ -199,18 +185,18 @@ class FullRangeRig:
         )
         return self._log(trajectory, name, run, WRITTEN)
 
-    def _simulated(self, run: int, time: Array, temperature: float, **drive: Any) -> Trajectory:
+    def _simulated(self, run: int, time: Array, temperature: float, **drive: Any) -> sim.Trajectory:
         """Run the joint from any angle, 4 K warmer than the room."""
         rng = np.random.default_rng([self.seed, run, 2])
         angle = float(rng.uniform(0.0, 2 * np.pi))
-        start = Start(angle, motor_temperature=temperature, body_temperature=temperature)
+        start = sim.Start(angle, motor_temperature=temperature, body_temperature=temperature)
         return self.joint.simulate(time, start=start, room_temperature=temperature - 4.0, **drive)
 
-    def _log(self, trajectory: Trajectory, name: str, run: int, rate: float) -> Log:
+    def _log(self, trajectory: sim.Trajectory, name: str, run: int, rate: float) -> Log:
         """What the rig writes down: no velocities."""
         rng = np.random.default_rng([self.seed, run, 3])
         time = trajectory.time
-        wander = Noise(self.zero_wander, memory=20.0).draw(len(time), 1.0 / RATE, rng)
+        wander = sim.Noise(self.zero_wander, memory=20.0).draw(len(time), 1.0 / RATE, rng)
         warm = trajectory["body_temperature"] - self.training_temperature
         angle = trajectory["output_position"] + self.zero_drift * warm + wander
         every = slice(None, None, round(RATE / rate))
@@ -219,9 +205,9 @@ class FullRangeRig:
             rate=rate,
             motor_encoder=self.motor_encoder,
             noise={
-                "motor_torque": Noise(1e-3),
-                "reference_torque": Noise(0.05, memory=0.01),
-                "temperature": Noise(0.05, memory=1.0),
+                "motor_torque": sim.Noise(1e-3),
+                "reference_torque": sim.Noise(0.05, memory=0.01),
+                "temperature": sim.Noise(0.05, memory=1.0),
             },
             seed=int(rng.integers(2**32)),
             channels=["motor_position", "motor_torque", "reference_torque", "temperature"],
@@ -240,12 +226,12 @@ def full_range_rig(seed: int = 1) -> FullRangeRig:
     """Return a rig; `seed` draws what the paper does not print (see the module docstring)."""
     rng = np.random.default_rng([seed, 0])
     training = rng.uniform(26.0, 34.0)
-    output = Encoder(
+    output = sim.Encoder(
         bits=int(rng.integers(18, 21)),
         eccentricity=[harmonic(rng, order, 1e-6, 3e-6) for order in (3, 5)],
         delay=rng.uniform(0.0, 20e-6),
     )
-    motor = Encoder(
+    motor = sim.Encoder(
         bits=int(rng.integers(13, 18)),
         eccentricity=[harmonic(rng, 3, 0.1e-3, 0.3e-3)],
         delay=rng.uniform(0.0, 20e-6),
@@ -266,7 +252,7 @@ def full_range_rig(seed: int = 1) -> FullRangeRig:
     )
 
 
-def drawn_joint(rng: np.random.Generator, temperature: float) -> Joint:
+def drawn_joint(rng: np.random.Generator, temperature: float) -> sim.Joint:
     """Return a joint whose friction is that of Table II at a temperature [°C]."""
     ratio = RATIO + 1.0
     bearings, load = rng.uniform(0.1, 0.5), rng.uniform(0.01, 0.06)
@@ -276,7 +262,7 @@ def drawn_joint(rng: np.random.Generator, temperature: float) -> Joint:
         "reference_temperature": temperature,
     }
     forward, backward = ((1.0 - load) * level - bearings for level in COULOMB)
-    drive = Friction(
+    drive = sim.Friction(
         forward,
         backward,
         load,
@@ -289,25 +275,25 @@ def drawn_joint(rng: np.random.Generator, temperature: float) -> Joint:
         **fades,
     )
     rotor = INERTIA * rng.uniform(0.65, 0.9)
-    motor = Motor(
+    motor = sim.Motor(
         inertia=rotor / ratio**2,
         friction=drive.at_motor(ratio),
         current_ripple=[harmonic(rng, 24, 0.5e-3, 3e-3, "motor_on_stator")],
         cogging=[harmonic(rng, int(rng.choice([36, 48, 60])), 1e-3, 4e-3, "motor_on_stator")],
     )
-    return Joint(
+    return sim.Joint(
         _gear(rng),
         motor,
-        Output(inertia=INERTIA - rotor, friction=Friction.both_ways(bearings, **fades)),
-        Thermal(300.0, 900.0, motor_to_body=1.5, motor_to_room=0.3, body_to_room=1.0),
+        sim.Output(inertia=INERTIA - rotor, friction=sim.Friction.both_ways(bearings, **fades)),
+        sim.Thermal(300.0, 900.0, motor_to_body=1.5, motor_to_room=0.3, body_to_room=1.0),
         name="UR joint size 2.5",
     )
 
 
-def _gear(rng: np.random.Generator) -> Gear:
+def _gear(rng: np.random.Generator) -> sim.Gear:
     stiffness = STIFFNESS * rng.uniform(0.95, 1.05)
     levels = rng.uniform(0.4, 1.9) * rng.dirichlet(np.full(len(SLIPS), 4.0))
-    return Gear(
+    return sim.Gear(
         RATIO,
         "circular",
         mesh_stiffness=stiffness,
@@ -317,16 +303,16 @@ def _gear(rng: np.random.Generator) -> Gear:
         damping=rng.uniform(3.0, 12.0),
         kinematic_error=KINEMATIC_ERROR,
         hysteresis=[
-            SlipElement(float(z / x), float(z)) for z, x in zip(levels, SLIPS, strict=True)
+            sim.SlipElement(float(z / x), float(z)) for z, x in zip(levels, SLIPS, strict=True)
         ],
     )
 
 
 def harmonic(
     rng: np.random.Generator, order: int, least: float, most: float, pair: str = OUTPUT
-) -> Harmonic:
+) -> sim.Harmonic:
     """Return a harmonic of a size drawn between two, of any phase."""
-    return Harmonic(order, rng.uniform(least, most), rng.uniform(-np.pi, np.pi), pair)
+    return sim.Harmonic(order, rng.uniform(least, most), rng.uniform(-np.pi, np.pi), pair)
 
 
 def pushes(time: Array, rng: np.random.Generator, *, tremor: float = 0.04) -> Array:

@@ -20,22 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import simulation as sim
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Output,
-    SlipElement,
-    Thermal,
-    TorqueSensor,
-    Trajectory,
-)
 
 __all__ = ["OFFSET", "RIPPLE", "TurlapatiRig", "turlapati_rig"]
 
@@ -66,9 +53,9 @@ class TurlapatiRig:
     seed : of noise and starting angles.
     """
 
-    joint: Joint
-    sensor: TorqueSensor
-    bearing: Friction
+    joint: sim.Joint
+    sensor: sim.TorqueSensor
+    bearing: sim.Friction
     bearing_ripple: float
     room: float
     seed: int
@@ -103,7 +90,7 @@ class TurlapatiRig:
         cell = share * held + rng.normal(0.0, 0.01, len(trajectory))
         return self._log(trajectory, f"bearing, trial {trial}", rng, cell)
 
-    def _driving(self, joint: Joint) -> float:
+    def _driving(self, joint: sim.Joint) -> float:
         """The peak of a trapezoid that makes about two turns each way, Nm at the output."""
         n = joint.effective_ratio
         speed = TURNS * 2 * np.pi / (0.37 * SECONDS)  # the time at the top, and the ramps' share
@@ -111,7 +98,7 @@ class TurlapatiRig:
         drag = n * (motor.coulomb_forward + motor.viscous * n * speed)
         return float(drag + output.coulomb_forward + output.viscous * speed)
 
-    def _with_bearing(self, bearing: Friction) -> Joint:
+    def _with_bearing(self, bearing: sim.Friction) -> sim.Joint:
         """The joint with the bearing's friction beside its own."""
         own = self.joint.output
         together = replace(
@@ -121,11 +108,11 @@ class TurlapatiRig:
             stribeck=own.friction.stribeck + bearing.stribeck,
             viscous=own.friction.viscous + bearing.viscous,
         )
-        ripple = (Harmonic(1, self.bearing_ripple, 0.7),)
+        ripple = (sim.Harmonic(1, self.bearing_ripple, 0.7),)
         output = replace(own, friction=together, friction_ripple=ripple)
         return replace(self.joint, output=output)
 
-    def _turned(self, joint: Joint, torque: Array, rng: np.random.Generator) -> Trajectory:
+    def _turned(self, joint: sim.Joint, torque: Array, rng: np.random.Generator) -> sim.Trajectory:
         from flexspline.simulation import Start
 
         time = np.arange(len(torque)) / RATE
@@ -138,13 +125,13 @@ class TurlapatiRig:
         )
 
     def _log(
-        self, trajectory: Trajectory, name: str, rng: np.random.Generator, cell: Array | None
+        self, trajectory: sim.Trajectory, name: str, rng: np.random.Generator, cell: Array | None
     ) -> Log:
         log = trajectory.log(
             name=name,
-            output_encoder=Encoder(bits=17),
+            output_encoder=sim.Encoder(bits=17),
             sensor=self.sensor,
-            noise={"sensor_torque": Noise(0.03, memory=0.05)},
+            noise={"sensor_torque": sim.Noise(0.03, memory=0.05)},
             seed=int(rng.integers(2**32)),
             channels=["output_position", "sensor_torque", "temperature"],
         )
@@ -164,29 +151,29 @@ def turlapati_rig(seed: int = 1) -> TurlapatiRig:
     """
     rng = np.random.default_rng([seed, 0])
     stribeck_velocity = rng.uniform(0.05, 0.15)
-    own = Friction.both_ways(
+    own = sim.Friction.both_ways(
         rng.uniform(0.12, 0.16),
         stribeck=rng.uniform(0.0, 0.05),
         stribeck_velocity=stribeck_velocity,
         viscous=rng.uniform(0.02, 0.06),
         load=rng.uniform(0.0, 0.04),
     )
-    drive = Friction.both_ways(
+    drive = sim.Friction.both_ways(
         rng.uniform(0.4, 0.6), viscous=rng.uniform(1.4, 2.0), stribeck=0.1, stribeck_velocity=0.1
     )
-    joint = Joint(
-        Gear(100.0, mesh_stiffness=9000.0, mesh_shape=0.05, damping=1.0),
-        Motor(inertia=2e-6, friction=drive.at_motor(101.0)),
-        Output(
+    joint = sim.Joint(
+        sim.Gear(100.0, mesh_stiffness=9000.0, mesh_shape=0.05, damping=1.0),
+        sim.Motor(inertia=2e-6, friction=drive.at_motor(101.0)),
+        sim.Output(
             inertia=rng.uniform(0.015, 0.03),
             friction=own,
-            presliding=(SlipElement(stiffness=60.0, level=0.01),),
+            presliding=(sim.SlipElement(stiffness=60.0, level=0.01),),
         ),
-        Thermal(motor_capacity=60.0, body_capacity=300.0, motor_to_body=0.4, body_to_room=0.5),
+        sim.Thermal(motor_capacity=60.0, body_capacity=300.0, motor_to_body=0.4, body_to_room=0.5),
         name="joint 7",
     )
     level = rng.uniform(0.8, 1.3)
-    bearing = Friction.both_ways(
+    bearing = sim.Friction.both_ways(
         level, stribeck=0.1 * level, stribeck_velocity=stribeck_velocity, viscous=0.1 * level
     )
     return TurlapatiRig(
@@ -194,7 +181,7 @@ def turlapati_rig(seed: int = 1) -> TurlapatiRig:
     )
 
 
-def _sensor(rng: np.random.Generator) -> TorqueSensor:
+def _sensor(rng: np.random.Generator) -> sim.TorqueSensor:
     """Offset and ripple as printed; gain, drift and the wave generator's ripple as drawn."""
     sizes = rng.dirichlet(np.full(len(ORDERS), 2.0))
     phases = rng.uniform(-np.pi, np.pi, len(ORDERS))
@@ -205,14 +192,14 @@ def _sensor(rng: np.random.Generator) -> TorqueSensor:
     )
     sizes = sizes * RIPPLE / np.abs(shape).max()
     ripple = [
-        Harmonic(o, float(size), float(phase))
+        sim.Harmonic(o, float(size), float(phase))
         for o, size, phase in zip(ORDERS, sizes, phases, strict=True)
     ]
     waves = [
-        Harmonic(o, float(rng.uniform(0.02, 0.06)), 0.3, "wave_generator_on_flexspline")
+        sim.Harmonic(o, float(rng.uniform(0.02, 0.06)), 0.3, "wave_generator_on_flexspline")
         for o in (1, 2)
     ]
-    return TorqueSensor(
+    return sim.TorqueSensor(
         location="gear",
         gain=rng.uniform(0.96, 1.04),
         offset=OFFSET,
@@ -229,8 +216,8 @@ def _trapezoid(peak: float) -> Array:
     return np.interp(time, knots, peak * np.array([0, 0, 1, 1, 0, 0, -1, -1, 0, 0]))
 
 
-def _scaled(friction: Friction, factor: float) -> Friction:
-    return Friction.both_ways(
+def _scaled(friction: sim.Friction, factor: float) -> sim.Friction:
+    return sim.Friction.both_ways(
         factor * friction.coulomb_forward,
         stribeck=factor * friction.stribeck,
         stribeck_velocity=friction.stribeck_velocity,
@@ -238,7 +225,7 @@ def _scaled(friction: Friction, factor: float) -> Friction:
     )
 
 
-def _level(friction: Friction, trajectory: Trajectory) -> Array:
+def _level(friction: sim.Friction, trajectory: sim.Trajectory) -> Array:
     """What a friction can hold or gives at each row, Nm, the ripple over a turn left out."""
     speed = np.abs(trajectory["output_velocity"])
     fading = np.exp(-((speed / friction.stribeck_velocity) ** 2))

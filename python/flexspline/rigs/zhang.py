@@ -44,23 +44,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from flexspline import simulation as sim
 from flexspline.logs.log import Log
 from flexspline.rigs.zhang_sensor import FULL_SCALE, ZhangSensor, zhang_sensor
 from flexspline.sensor import Bridge
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Obstacle,
-    Output,
-    Servo,
-    Stop,
-    Trajectory,
-)
 
 __all__ = ["ARM", "LATE", "RATE", "RATIO", "SPEED", "Collision", "ZhangRig", "facts", "zhang_rig"]
 
@@ -74,7 +61,7 @@ LATE = 8e-3  # s, of the converter: the mean age of the rows in two conversions
 SWING = 1.0  # rad
 TOUCH, BEHIND = 0.5, 1.2  # rad: where the obstacle stands, and where the command goes on to
 REST = 1.0  # s with the arm hanging, before each run
-SERVO = Servo(
+SERVO = sim.Servo(
     1000.0, position_gain=30.0, velocity_gain=0.02, integral_gain=0.2, torque_limit=70.0 / 101
 )
 KINDS = {"ripple": 1, "swing": 5, "collision": 6}
@@ -89,7 +76,7 @@ BENCH_KINDS = {"warming": 2, "drift": 3, "calibration": 4}
 class Collision:
     """What truly happened and what the rig wrote down."""
 
-    trajectory: Trajectory
+    trajectory: sim.Trajectory
     log: Log
 
     @property
@@ -126,8 +113,8 @@ class ZhangRig:
 
     sensor: ZhangSensor
     bench: ZhangBench
-    joint: Joint
-    encoder: Encoder
+    joint: sim.Joint
+    encoder: sim.Encoder
     clock: float
     gain: float
     warming: float
@@ -167,9 +154,11 @@ class ZhangRig:
 
     def collide(self, speed: float, direction: int = 1, alarm: float | None = None) -> Collision:
         """Let the arm run into the obstacle at `speed` [°/s]; it stops on an alarm at that time."""
-        obstacle = Obstacle(direction * TOUCH, self.obstacle_stiffness, self.dissipation, direction)
+        obstacle = sim.Obstacle(
+            direction * TOUCH, self.obstacle_stiffness, self.dissipation, direction
+        )
         targets = [-direction * TOUCH, direction * BEHIND]
-        stop = None if alarm is None else Stop(time=alarm, delay=self.reaction, reaction="hold")
+        stop = None if alarm is None else sim.Stop(time=alarm, delay=self.reaction, reaction="hold")
         joint = replace(self.joint, obstacle=obstacle)
         run = self._driven(targets, np.radians([45.0, speed]), joint, None, stop)
         name = f"collision at {direction * speed:g} °/s"
@@ -180,10 +169,10 @@ class ZhangRig:
         self,
         targets: Sequence[float],
         speeds: Array,
-        joint: Joint,
+        joint: sim.Joint,
         seconds: float | None,
-        stop: Stop | None = None,
-    ) -> Trajectory:
+        stop: sim.Stop | None = None,
+    ) -> sim.Trajectory:
         velocity = np.concatenate(
             [np.zeros(round(REST * FINE)), *self._legs(np.array([0.0, *targets]), speeds)]
         )
@@ -209,7 +198,7 @@ class ZhangRig:
         return legs
 
     def _read(
-        self, run: Trajectory, bridge: Bridge, name: str, warms: int, kind: str, *which: int
+        self, run: sim.Trajectory, bridge: Bridge, name: str, warms: int, kind: str, *which: int
     ) -> Log:
         """What the rig writes down of a run, 100 Hz."""
         rng = np.random.default_rng([self.seed, KINDS[kind], *which])
@@ -239,7 +228,7 @@ def zhang_rig(seed: int = 1) -> ZhangRig:
         sensor=sensor,
         bench=zhang_bench(sensor, rng, seed),
         joint=_joint(rng),
-        encoder=Encoder(bits=int(rng.integers(17, 20))),
+        encoder=sim.Encoder(bits=int(rng.integers(17, 20))),
         clock=rng.uniform(-50e-6, 50e-6),
         gain=rng.uniform(0.99, 1.01),
         warming=rng.uniform(0.2, 1.0),
@@ -253,21 +242,21 @@ def zhang_rig(seed: int = 1) -> ZhangRig:
     )
 
 
-def _joint(rng: np.random.Generator) -> Joint:
-    drive = Friction.both_ways(
+def _joint(rng: np.random.Generator) -> sim.Joint:
+    drive = sim.Friction.both_ways(
         rng.uniform(3.0, 6.0),
         viscous=rng.uniform(4.0, 10.0),
         stribeck=rng.uniform(0.2, 1.0),
         stribeck_velocity=rng.uniform(0.02, 0.1),
         load=rng.uniform(0.02, 0.06),
     )
-    gear = Gear(
+    gear = sim.Gear(
         RATIO,
         mesh_stiffness=rng.uniform(1.2e4, 2e4),
         mesh_shape=rng.uniform(0.01, 0.04),
         damping=rng.uniform(2.0, 6.0),
         kinematic_error=[
-            Harmonic(
+            sim.Harmonic(
                 2,
                 rng.uniform(2e-3, 5e-3),
                 rng.uniform(-np.pi, np.pi),
@@ -275,19 +264,19 @@ def _joint(rng: np.random.Generator) -> Joint:
             )
         ],
     )
-    motor = Motor(
+    motor = sim.Motor(
         inertia=rng.uniform(3e-5, 8e-5),
         friction=drive.at_motor(RATIO + 1.0),
         current_ripple=[
-            Harmonic(24, rng.uniform(1e-3, 4e-3), rng.uniform(-np.pi, np.pi), "motor_on_stator")
+            sim.Harmonic(24, rng.uniform(1e-3, 4e-3), rng.uniform(-np.pi, np.pi), "motor_on_stator")
         ],
     )
-    arm = Output(
+    arm = sim.Output(
         inertia=ARM[0] * (1.0 + rng.uniform(-0.03, 0.03)),
         gravity=ARM[1] * (1.0 + rng.uniform(-0.01, 0.01)),
-        friction=Friction.both_ways(rng.uniform(2e-3, 1e-2)),
+        friction=sim.Friction.both_ways(rng.uniform(2e-3, 1e-2)),
     )
-    return Joint(gear, motor, arm, name="modular joint")
+    return sim.Joint(gear, motor, arm, name="modular joint")
 
 
 @dataclass(frozen=True)
@@ -331,7 +320,7 @@ class ZhangBench:
         levels = np.maximum(levels + rng.uniform(-0.3, 0.3, len(levels)) * (levels > 0.0), 0.0)
         time = np.arange(0.0, LEVEL * len(levels), 0.1)
         steps = levels[np.minimum((time / LEVEL).astype(int), len(levels) - 1)]
-        torque = _late(steps, 7.0) * (1.0 + Noise(2e-3, 0.5).draw(len(time), 0.1, rng))
+        torque = _late(steps, 7.0) * (1.0 + sim.Noise(2e-3, 0.5).draw(len(time), 0.1, rng))
         gain, zero = self.reference
         columns = {
             **self._read(time, np.maximum(torque, 0.0), rng),

@@ -8,7 +8,6 @@ their number (`History.among`).
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,7 +23,6 @@ from flexspline.fleet.cluster import Workers, done, require_some, split_failed
 from flexspline.fleet.estimates import estimate_of
 from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
-from flexspline.lazy import render
 from flexspline.progress import Progress
 from flexspline.tracking import HORIZON, track
 from flexspline.tracking.history import History
@@ -51,7 +49,7 @@ class FleetTrack(FleetResult):
     remarks : sentences about the folders.
     """
 
-    _name: ClassVar = "fleet_track"
+    _kind: ClassVar = "fleet_track"
 
     fit: FleetFit
     tracks: Mapping[str, Track]
@@ -145,18 +143,8 @@ class FleetTrack(FleetResult):
         }
         return self._file(content)
 
-    def report(self, folder: str | os.PathLike[str]) -> None:
-        """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
-        render("fleet track", "report", self, folder)
-
-    def __str__(self) -> str:
-        return render("fleet track", "text", self)
-
     def __repr__(self) -> str:
         return f"<FleetTrack: {len(self.tracks)} joints, {len(self.changed)} changed>"
-
-    def _repr_html_(self) -> str:
-        return render("fleet track", "html", self)
 
 
 def track_fleet(

@@ -6,11 +6,10 @@ its size is told from zero; a date is given only where a change that is told lea
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from flexspline.about import __version__
 from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import plus_minus, short, short_names
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.schema import checked_json
 from flexspline.tracking.changes import (
     ACCELERATING,
@@ -253,7 +252,7 @@ class Forecast:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Track:
+class Track(Rendered):
     """One joint over months.
 
     Parameters
@@ -265,6 +264,8 @@ class Track:
     reference : °C at which levels are told; NaN where temperature is not accounted for.
     remarks : what was left out, and what limits all this.
     """
+
+    _kind: ClassVar = "track"
 
     history: History
     parameters: tuple[TrackedParameter, ...]
@@ -386,25 +387,15 @@ class Track:
         """Return verdict, changes, forecasts and a line for each parameter."""
         return render("track", "text", self)
 
-    def __str__(self) -> str:
-        return self.summary()
-
     def __repr__(self) -> str:
         return (
             f"<Track of {self.history.joint or 'a joint'}: {len(self.history)} sessions, "
             f"{len(self.parameters)} parameters, {len(self.changes)} changes told>"
         )
 
-    def _repr_html_(self) -> str:
-        return render("track", "html", self)
-
     def plot(self) -> Figure:
         """Return a figure: each parameter over calendar time with its band."""
         return render("track", "figure", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("track", "report", self, path)
 
 
 def day(when: datetime) -> str:

@@ -273,6 +273,17 @@ def measured_gear(log: Log) -> Gear | None:
     return Gear(ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio)))
 
 
+def late_alike(gears: Sequence[Gear]) -> bool:
+    """Return whether an encoder is late by the same in all runs: by its recorder, not torsion."""
+    if len(gears) < 2:
+        return True
+    delay = np.array([gear.delay for gear in gears])
+    weight = np.array([max(gear.delay_error, np.finfo(float).tiny) for gear in gears]) ** -2.0
+    mean = np.average(delay, weights=weight)
+    scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
+    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
+
+
 def gear(log: Log) -> Iterator[Finding]:
     """Ratio and sense against the facts, and the delay between the encoders."""
     found = measured_gear(log)

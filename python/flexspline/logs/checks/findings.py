@@ -34,7 +34,7 @@ class Finding:
     size : how much, in `unit`
     unit : SI unit of `size`, "" for a count or a factor
     sentence : what is wrong, where, how much
-    remedy : the repair that mends it, as `read_log(repair=...)` takes it, or what else to do
+    remedy : the repair that fixes it, as `read_log(repair=...)` takes it, or what else to do
     """
 
     name: str

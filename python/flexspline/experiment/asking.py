@@ -4,25 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError, listed
 from flexspline.experiment.plan import Limits
 from flexspline.logs.read import LogLike, as_logs
+from flexspline.model import Model
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
-    from flexspline.discovery.result import Discovery
     from flexspline.experiment.plan import Plan
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
-    from flexspline.model import Model, Part
+    from flexspline.model import Part
     from flexspline.regression.candidate_model import Working
 
 __all__ = ["next_experiment"]
 
 Pair = tuple[str | Effect, str | Effect]
+
+
+class Discovery(Protocol):
+    """What is asked of one: its fit, and the names found with their rivals."""
+
+    @property
+    def fit(self) -> Fit: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def found(self) -> Sequence[Any]: ...
 
 
 def next_experiment(
@@ -63,15 +74,13 @@ def next_experiment(
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
     """
-    from flexspline.discovery.candidates import shaped
-    from flexspline.discovery.result import Discovery
     from flexspline.experiment.planning import planned
     from flexspline.least_squares.result import Fit
     from flexspline.regression.candidate_model import restricted_whitening
 
     given = model_or_discovery
-    fit = given.fit if isinstance(given, Discovery) else given if isinstance(given, Fit) else None
-    model = given.model if isinstance(given, (Discovery, Fit)) else given
+    fit = None if isinstance(given, Model) else given if isinstance(given, Fit) else given.fit
+    model = given if isinstance(given, Model) else given.model
     part = model.part(target or (fit.target if fit is not None else None))
     pairs = _declared(given) if rivals is None else _asked(rivals, part)
     runs = as_logs(logs)
@@ -79,14 +88,14 @@ def next_experiment(
     problem, work = _prepared(part, [rival for _, rival in pairs], runs, cutoff)
     whitening = restricted_whitening(problem, work)
     asked = fit if rivals is None else None
-    return planned(problem, work, whitening, pairs, shaped, asked, limits)
+    return planned(problem, work, whitening, pairs, asked, limits)
 
 
 def _declared(given: Model | Fit | Discovery) -> list[tuple[str, Effect]]:
     """Pairs that a discovery declared indistinguishable."""
-    from flexspline.discovery.result import Discovery
+    from flexspline.least_squares.result import Fit
 
-    if not isinstance(given, Discovery):
+    if isinstance(given, (Model, Fit)):
         return []
     return [
         (one.effect, rival.effect)
@@ -133,12 +142,13 @@ def _prepared(
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
     from flexspline.least_squares.problem import problem_of
+    from flexspline.logs.derive import with_motion
     from flexspline.regression.candidate_model import working
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")
     problem = problem_of(
-        [_with_motion(log) for log in logs],
+        [with_motion(log) for log in logs],
         [*part.effects, *rivals],
         part.target,
         known_load=part.known_load,
@@ -148,14 +158,3 @@ def _prepared(
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     work = working(part.effects, len(part.effects), {})
     return replace(problem, runs=runs), replace(work, coefficients=part.coefficients.copy())
-
-
-def _with_motion(log: Log) -> Log:
-    """The log with the derivatives of its position."""
-    from flexspline.logs.derive import differentiate
-
-    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
-    if not names or "output_position" not in log:
-        return log
-    made = differentiate(log)
-    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])
