@@ -15,6 +15,7 @@ from fleet_logs import NAMES, drawn, run_of
 from worn_joints import worn_history
 
 from flexspline import InputError
+from flexspline.fleet import cluster
 from flexspline.logs.writing import write_log
 from flexspline.tracking import FleetTrack, track, track_fleet
 from flexspline.tracking.changes import threshold
@@ -62,9 +63,14 @@ def test_the_joint_that_changed_is_found_with_cause_and_date() -> None:
     assert "joint2 changed, 2 are quiet" in str(made)
 
 
-def test_two_workers_give_the_same_numbers() -> None:
+def test_two_workers_that_are_started_once_give_the_same_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pytest.importorskip("distributed", reason="pip install 'flexspline[fleet]' for clusters")
+    started, start = [], cluster._client
+    monkeypatch.setattr(cluster, "_client", lambda *asked: started.append(1) or start(*asked))
     made = track_fleet(line(), "sensor_torque", NAMES, workers=2)
+    assert len(started) == 1  # for the runs and for the joints
     assert made.to_json() == tracked().to_json()
     assert all(made[name].to_json() == tracked()[name].to_json() for name in made.tracks)
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flexspline.errors import InputError, one_line
@@ -20,7 +20,7 @@ from flexspline.progress import Progress
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Failed", "Workers", "done", "require_some", "split_failed"]
+__all__ = ["Failed", "Workers", "done", "require_some", "split_failed", "staying"]
 
 Task = TypeVar("Task")
 Made = TypeVar("Made")
@@ -40,16 +40,33 @@ class Workers:
         this machine.
     count : of these processes; None: one for each processor. 0: this process alone, without Dask.
         In a script, processes need `if __name__ == "__main__":` around the call.
+    rounds : what several rounds of work share, see `staying`.
     """
 
     scheduler: str | Client | None = None
     count: int | None = None
+    rounds: _Rounds | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.count is not None and not 0 <= self.count <= 1024:
             raise InputError(f"workers is {self.count}; give 0 to 1024")
         if self.scheduler is not None and self.count is not None:
             raise InputError("a scheduler has workers of its own; leave the number of workers out")
+
+
+@dataclass
+class _Rounds:
+    """What several rounds of work share: the client, once the first of them has asked for it."""
+
+    stack: ExitStack
+    client: Client | None = None
+
+
+@contextmanager
+def staying(workers: Workers) -> Iterator[Workers]:
+    """Yield these workers for several rounds of work: a cluster is started once, when needed."""
+    with ExitStack() as stack:
+        yield replace(workers, rounds=_Rounds(stack))
 
 
 @dataclass(frozen=True)
@@ -94,8 +111,11 @@ def done(
             made.append(guarded(task))
             progress.step()
         return made
-    with _client(workers, len(tasks)) as client:
-        return _gathered(client, guarded, tasks, progress)
+    with ExitStack() as stack:
+        rounds = workers.rounds or _Rounds(stack)
+        if rounds.client is None:
+            rounds.client = rounds.stack.enter_context(_client(workers, len(tasks)))
+        return _gathered(rounds.client, guarded, tasks, progress)
 
 
 def split_failed(

@@ -19,7 +19,7 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.fleet import Folders, fit_sums, sessions_from, summed
 from flexspline.fleet.accumulators import Plan, RunSums
-from flexspline.fleet.cluster import Workers, done, require_some, split_failed
+from flexspline.fleet.cluster import Workers, done, require_some, split_failed, staying
 from flexspline.fleet.estimates import estimate_of
 from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
@@ -187,16 +187,16 @@ def track_fleet(
     sessions = sessions_from(folders, reading)
     how: dict[str, Any] = {"known_load": known_load, "lowpass": lowpass, "bandwidth": bandwidth}
     how |= {"fixed": dict(fixed or {}), "checks": True}
-    whose = Workers(scheduler, workers)
-    plan, made, failed = summed(
-        sessions, target, effects, (model, pilot, orders, ()), how, whose, progress
-    )
-    fitted = fit_sums(made, plan, failed, sessions.remarks)
-    histories, left = _histories(made, plan)
-    ask = partial(track, limits=limits, horizon=horizon)
-    ask(histories[0])  # a limit that is wrong is so for all
-    with Progress("joints", progress, total=len(histories), unit="joint") as bar:
-        tracks = done(ask, histories, whose, bar)
+    with staying(Workers(scheduler, workers)) as whose:
+        plan, made, failed = summed(
+            sessions, target, effects, (model, pilot, orders, ()), how, whose, progress
+        )
+        fitted = fit_sums(made, plan, failed, sessions.remarks)
+        histories, left = _histories(made, plan)
+        ask = partial(track, limits=limits, horizon=horizon)
+        ask(histories[0])  # a limit that is wrong is so for all
+        with Progress("joints", progress, total=len(histories), unit="joint") as bar:
+            tracks = done(ask, histories, whose, bar)
     told, lost = split_failed([history.joint for history in histories], tracks)
     return FleetTrack(
         fitted,
