@@ -177,8 +177,8 @@ class Found:
     t : |t| of a normal number that is as surprising as what it gains in the search, or as its
         coefficients in the final fit, whichever is less.
     rivals : the best candidates in its place, the best first.
-    coefficients_p : p of Wald's test that all its coefficients are zero in the final fit, its
-        shapes held.
+    coefficients_p : p of the test that all its coefficients are zero in the final fit: Wald's, its
+        shapes held; by simulation, F.
     share_of_gap : of what all names close held out, what is lost without it, −1 … 1.
     """
 
