@@ -20,6 +20,7 @@ import numpy as np
 
 from flexspline.errors import InputError
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
+from flexspline.logs.checks.consistency import is_delay, velocity_delay
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, is_read
@@ -45,6 +46,7 @@ POSITION, VELOCITY, ACCELERATION = (
 MOTION = (POSITION, VELOCITY, ACCELERATION)
 INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
+LOOKED_AT = 8  # longest runs that are asked whether a velocity is late, half of which have to be
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
 # be late, and have been filtered by its drive, which a position has not
 
@@ -185,7 +187,7 @@ def learned(
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position and velocity and (not position.noisy or _quieter(velocity, position)):
-        late = _lateness(logs, position.smoother(1))
+        late = _lateness(logs, position.smoother(1)) if position.noisy else _told_late(logs)
         noise[VELOCITY] = replace(velocity, delay=late)
     return noise, preparations_for(noise, target, known_load, bandwidth)
 
@@ -255,6 +257,16 @@ def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
     band = min(position.bandwidth, velocity.bandwidth)
     late = velocity.delay * velocity.slope
     return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
+
+
+def _told_late(logs: Sequence[Log]) -> float:
+    """By how much the audit sees the recorded velocity late in most runs, s; else 0.
+
+    A recorder's delay is that of all runs: the longest ones tell it.
+    """
+    longest = sorted(logs, key=len)[-LOOKED_AT:]
+    each = [velocity_delay(log, VELOCITY) for log in longest]
+    return float(np.median([one.seconds if one and is_delay(one) else 0.0 for one in each]))
 
 
 def _lateness(logs: Sequence[Log], bandwidth: float) -> float:
