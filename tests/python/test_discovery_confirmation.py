@@ -398,6 +398,23 @@ def test_a_name_whose_load_does_not_settle_is_withdrawn(
     assert [*held.shown] == left and refused == {raising: UNSETTLED}
 
 
+def test_a_step_whose_load_does_not_settle_is_in_a_group_with_the_next() -> None:
+    models = ["base", "one", "two", "three"]
+    made: Any = SimpleNamespace(nested=models, base="base", final=SimpleNamespace(named=models[1:]))
+    sizes = {"base": 4.0, "two": 2.0}
+    fit: Any = SimpleNamespace(runs=[SimpleNamespace(held_out=np.array([1.0, -1.0, np.nan]))])
+
+    def left_by(work: Any) -> tuple[NDArray[np.float64], ...]:
+        if work == "one":
+            raise UnsettledError("the load does not settle")
+        return (np.array([sizes[work], np.nan, -sizes[work]]),)
+
+    steps = confirmation._steps(made, fit, left_by)
+    assert steps.rmse == [4.0, np.inf, 2.0, 1.0]
+    assert together(steps.rmse) == [(0, 2), (2, 3)]
+    assert np.isnan(steps.before[0][1]) and steps.after[0] is fit.runs[0].held_out
+
+
 def test_names_that_lower_it_together_stay_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of two raises the error alone; both are lost where one of them is left out."""
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}

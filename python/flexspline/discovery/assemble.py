@@ -135,7 +135,7 @@ def assembled(
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
     steps = held.steps.rmse
-    own = rmse_error(held.steps.residuals[-1], problem.block_rows)
+    own = rmse_error(held.steps.after, problem.block_rows)
     unexplained, floor = (
         _unexplained(made, steps, own)
         or _again(made, steps, own)
@@ -163,7 +163,7 @@ def assembled(
         unexplained=unexplained,
         next_experiment=plan.sentence if plan else None,
         fit=fit,
-        runs=_runs(made, held.steps.residuals[0], held.steps.residuals[-1]),
+        runs=_runs(made, held.steps.before, held.steps.after),
         motion=driven_apart(made, fit.model.facts),
         not_tried=made.study.not_tried,
         refused={name: why for name, why in made.searcher.refused.items() if name not in named},

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,18 +117,17 @@ class Sure:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What `fit` leaves of rows held out, (N,) of each run: of the base, with one name more each.
+    """What `fit` leaves of rows held out, as one name joins after the other.
 
     The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
-    model to the same runs.
+    model to the same runs. `before`, `after`: of the base and of all names, (N,) of each run.
+    `rmse`: of each model from the base on, in the target's unit; ∞ of one whose load does not
+    settle, so that its last name stands in a group with the next.
     """
 
-    residuals: tuple[Residuals, ...]
-
-    @cached_property
-    def rmse(self) -> list[float]:
-        """In the target's unit, of each model."""
-        return [rmse_of(left) for left in self.residuals]
+    before: Residuals
+    after: Residuals
+    rmse: list[float]
 
 
 @dataclass(frozen=True)
@@ -276,9 +274,17 @@ def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
 
 
 def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) -> Steps:
-    last = [tuple(run.held_out for run in fit.runs)] if made.final.named else []
-    before = made.nested[:-1] if last else made.nested
-    return Steps((*map(left_by, before), *last))
+    before = left_by(made.base)
+    rmse = [rmse_of(before)]
+    for work in made.nested[1:-1]:
+        try:
+            rmse.append(rmse_of(left_by(work)))
+        except UnsettledError:
+            rmse.append(np.inf)
+    if not made.final.named:
+        return Steps(before, before, rmse)
+    after = tuple(run.held_out for run in fit.runs)
+    return Steps(before, after, [*rmse, rmse_of(after)])
 
 
 def _also_seen(
