@@ -20,7 +20,6 @@ import numpy as np
 
 from flexspline.errors import InputError
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
-from flexspline.logs.checks.consistency import is_delay, velocity_delay
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, is_read
@@ -46,7 +45,6 @@ POSITION, VELOCITY, ACCELERATION = (
 MOTION = (POSITION, VELOCITY, ACCELERATION)
 INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
-LOOKED_AT = 8  # longest runs that are asked whether a velocity is late, half of which have to be
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
 # be late, and have been filtered by its drive, which a position has not
 
@@ -186,8 +184,8 @@ def learned(
     if bandwidth == np.inf:
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position and velocity and (not position.noisy or _quieter(velocity, position)):
-        late = _lateness(logs, position.smoother(1)) if position.noisy else _told_late(logs)
+    if position is not None and velocity is not None and _quieter(velocity, position):
+        late = _lateness(logs, position.smoother(1))
         noise[VELOCITY] = replace(velocity, delay=late)
     return noise, preparations_for(noise, target, known_load, bandwidth)
 
@@ -231,8 +229,7 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
     """The output's motion: derivatives first, since they are those of the position as recorded."""
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is None or not (position.noisy or bandwidth is not None):
-        late = position is not None and velocity is not None and _late(velocity, position)
-        if velocity is not None and (velocity.noisy or late):  # an angle without noise tells it
+        if velocity is not None and velocity.noisy:  # an angle without noise tells it better
             told = velocity.smoother() if position is None else position.smoother(1)
             source = VELOCITY if position is None else POSITION
             yield Preparation(VELOCITY, source, bandwidth or told)
@@ -247,26 +244,11 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
     yield Preparation(POSITION, POSITION, bandwidth or position.smoother())
 
 
-def _late(velocity: ChannelNoise, position: ChannelNoise) -> bool:
-    """Whether a recorded velocity is late by more than half a row, and a derivative is nearer."""
-    return abs(velocity.delay) * velocity.rate > 0.5 and not _quieter(velocity, position)
-
-
 def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
     """Whether a recorded velocity, with its delay, is nearer to the motion than a derivative is."""
     band = min(position.bandwidth, velocity.bandwidth)
     late = velocity.delay * velocity.slope
     return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
-
-
-def _told_late(logs: Sequence[Log]) -> float:
-    """By how much the audit sees the recorded velocity late in most runs, s; else 0.
-
-    A recorder's delay is that of all runs: the longest ones tell it.
-    """
-    longest = sorted(logs, key=len)[-LOOKED_AT:]
-    each = [velocity_delay(log, VELOCITY) for log in longest]
-    return float(np.median([one.seconds if one and is_delay(one) else 0.0 for one in each]))
 
 
 def _lateness(logs: Sequence[Log], bandwidth: float) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recorded_joint import LOAD, RATE, RATIO, base, exact, recorded, runs
+from recorded_joint import LOAD, RATIO, base, exact, recorded, runs
 
 import flexspline
 from flexspline.effects import effect
@@ -15,7 +15,6 @@ from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
 from flexspline.prepared import (
     Preparation,
-    learned,
     noise_of_channels,
     preparations_for,
     preparations_of,
@@ -94,19 +93,6 @@ def test_an_exact_recorded_velocity_stays_beside_a_noisy_position() -> None:
     ways = ways_of(log)
     assert [way.channel for way in ways] == [ACCELERATION, POSITION]
     assert np.array_equal(prepared(log, ways)[VELOCITY], log[VELOCITY])
-
-
-@pytest.mark.parametrize("late", [0, 2])
-def test_a_recorded_velocity_that_is_late_is_derived_from_an_exact_position(late: int) -> None:
-    """As drives filter it: ten milliseconds are a hundred times the error of a derivative."""
-    log = with_noise(exact_log(), output_position=1e-7, output_velocity=1e-7)
-    stayed = np.interp(log["time"] - late / RATE, log["time"], log[VELOCITY])
-    log = log.with_columns({VELOCITY: stayed}, note="filtered")
-    noise, ways = learned([log], "sensor_torque", LOAD)
-    assert not noise[POSITION].noisy and not noise[VELOCITY].noisy
-    assert [way.source for way in ways if way.channel == VELOCITY] == ([POSITION] if late else [])
-    missed = (prepared(log, ways)[VELOCITY] - exact(0)[VELOCITY])[100:-100]
-    assert np.std(missed) < 0.005 * np.std(exact(0)[VELOCITY])
 
 
 @pytest.mark.parametrize("target", ["motor_torque", "motor_current", "sensor_torque"])

@@ -209,6 +209,11 @@ def _graded(fault: DataFault, log: Log | None, fit: Fit, floor: float) -> DataFa
             f"Names are looked for with a velocity derived from {source}; as recorded it makes "
             f"{size}."
         )
+    elif fault.channel == VELOCITY and grave:
+        said = (
+            f"Names are looked for with it as recorded; by itself it makes {size}, of which the "
+            "model takes up a part."
+        )
     return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
 
 
