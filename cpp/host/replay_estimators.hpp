@@ -36,6 +36,20 @@ std::size_t replay(const double* time, std::size_t size, Step step) {
   return size;
 }
 
+/// Steps an estimator over its input columns; `held` is what rows before the first good one have.
+/// The row where it stopped, or `size`.
+template <typename Estimator, typename Value, typename... Input>
+std::size_t replay_estimator(const double* time, std::size_t size,
+                             const typename Estimator::Config& config, Value held, Value* values,
+                             const Input*... inputs) {
+  typename Estimator::State state;
+  return replay(time, size, [&](std::size_t i, double period) {
+    const Status status = Estimator::step(config, state, inputs[i]..., period, held);
+    values[i] = held;
+    return status;
+  });
+}
+
 /// Torque of the drift of each row, Nm.
 inline void replay_temperature_compensation(const double* time, const double* temperature,
                                             std::size_t size,
@@ -56,14 +70,8 @@ inline std::size_t replay_observer(const double* time, const double* momentum,
                                    const double* known_torque, std::size_t size,
                                    const MomentumObserver<double>::Config& config,
                                    double* external) noexcept {
-  MomentumObserver<double>::State state;
-  double held = unknown;
-  return replay(time, size, [&](std::size_t i, double period) {
-    const Status status =
-        MomentumObserver<double>::step(config, state, momentum[i], known_torque[i], period, held);
-    external[i] = held;
-    return status;
-  });
+  return replay_estimator<MomentumObserver<double>>(time, size, config, unknown, external, momentum,
+                                                    known_torque);
 }
 
 /// Merged torque of each row, Nm.
@@ -71,14 +79,8 @@ inline void replay_kalman_merge(const double* time, const double* velocity, cons
                                 const double* compliance, std::size_t size,
                                 const KalmanMerge<double>::Config& config,
                                 double* merged) noexcept {
-  KalmanMerge<double>::State state;
-  double held = unknown;
-  replay(time, size, [&](std::size_t i, double period) {
-    const Status status = KalmanMerge<double>::step(config, state, velocity[i], observer[i],
-                                                    compliance[i], period, held);
-    merged[i] = held;
-    return status;
-  });
+  replay_estimator<KalmanMerge<double>>(time, size, config, unknown, merged, velocity, observer,
+                                        compliance);
 }
 
 /// Contact of each row; false before the first good row.
@@ -86,14 +88,8 @@ inline void replay_collision_detector(const double* time, const double* residual
                                       const double* velocity, std::size_t size,
                                       const CollisionDetector<double>::Config& config,
                                       bool* contact) noexcept {
-  CollisionDetector<double>::State state;
-  bool held = false;
-  replay(time, size, [&](std::size_t i, double period) {
-    const Status status =
-        CollisionDetector<double>::step(config, state, residual[i], velocity[i], period, held);
-    contact[i] = held;
-    return status;
-  });
+  replay_estimator<CollisionDetector<double>>(time, size, config, false, contact, residual,
+                                              velocity);
 }
 
 }  // namespace flexspline::batch

@@ -55,6 +55,14 @@ Angle<S> any_angle(std::mt19937_64& random) {
   return {turns, {static_cast<math::Bits<S>>(random())}};
 }
 
+/// A sample of which the load alone is not zero.
+template <typename S>
+Sample<S> loaded(S load) {
+  Sample<S> at;
+  at.load = load;
+  return at;
+}
+
 /// A sample as a joint has it.
 template <typename S>
 Sample<S> usual_sample(std::mt19937_64& random) {

@@ -50,37 +50,18 @@ void for_each_path(Effect effect, Use use) {
 template <typename S>
 void disturb(Sample<S>& at, Channel channel, std::mt19937_64& random) {
   const Sample<S> other = usual_sample<S>(random);
-  switch (channel) {
-    case Channel::output_position:
-      at.output_position = other.output_position;
-      break;
-    case Channel::output_velocity:
-      at.output_velocity = other.output_velocity;
-      break;
-    case Channel::output_acceleration:
-      at.output_acceleration = other.output_acceleration;
-      break;
-    case Channel::motor_position:
-      at.motor_position = other.motor_position;
-      at.wave_generator_on_flexspline = other.wave_generator_on_flexspline;
-      at.wave_generator_on_circular_spline = other.wave_generator_on_circular_spline;
-      break;
-    case Channel::temperature:
-      at.temperature = other.temperature;
-      break;
-    case Channel::load:
-      at.load = other.load;
-      at.known_load = other.known_load;
-      break;
-    case Channel::motor_torque:
-      at.motor_torque = other.motor_torque;
-      break;
-    case Channel::period:
-      at.period = other.period;
-      break;
-    case Channel::time:
-      at.time = other.time;
-      break;
+  for (const Number<S>& number : numbers<S>) {
+    if (number.channel == channel) at.*number.at = other.*number.at;
+  }
+  if (channel == Channel::output_position) at.output_position = other.output_position;
+  if (channel == Channel::motor_position) {
+    at.motor_position = other.motor_position;
+    at.wave_generator_on_flexspline = other.wave_generator_on_flexspline;
+    at.wave_generator_on_circular_spline = other.wave_generator_on_circular_spline;
+  }
+  if (channel == Channel::load) {
+    at.load = other.load;
+    at.known_load = other.known_load;
   }
 }
 

@@ -51,11 +51,7 @@ TEST_CASE_TEMPLATE("a sensor with hysteresis reads less on the way up than on th
   TorqueHysteresis<S> effect;
   effect.load_width = S(8);
   typename TorqueHysteresis<S>::State state;
-  const auto row = [&](S load) {
-    Sample<S> at;
-    at.load = load;
-    return effect.row(at, state);
-  };
+  const auto row = [&](S load) { return effect.row(loaded(load), state); };
   CHECK(row(S(5)) == Row<S, 4>{0, 0, 0, 0});
   CHECK(row(S(6)) == Row<S, 4>{S(-0.125), S(-0.25), S(-0.5), S(-1)});
   CHECK(row(S(30)) == Row<S, 4>{S(-1), S(-1), S(-1), S(-1)});

@@ -9,11 +9,7 @@ using namespace flexspline;
 TEST_CASE_TEMPLATE("the mesh yields in proportion first and stiffens, against the torque", S, float,
                    double) {
   const MeshCompliance<S> effect{S(0.05)};
-  const auto row = [&](S load) {
-    Sample<S> at;
-    at.load = load;
-    return effect.row(at)[0];
-  };
+  const auto row = [&](S load) { return effect.row(loaded(load))[0]; };
   CHECK(row(0) == S(0));
   CHECK(row(S(0.01)) == doctest::Approx(-0.01).epsilon(1e-6));
   CHECK(row(S(20)) == doctest::Approx(-std::atan(1.0) / 0.05).epsilon(1e-6));
@@ -41,11 +37,7 @@ TEST_CASE_TEMPLATE("springs that slip follow the path and forget nothing but the
   TorsionalHysteresis<S> effect;
   effect.load_width = S(8);
   typename TorsionalHysteresis<S>::State state;
-  const auto row = [&](S load) {
-    Sample<S> at;
-    at.load = load;
-    return effect.row(at, state);
-  };
+  const auto row = [&](S load) { return effect.row(loaded(load), state); };
   CHECK(row(S(5)) == Row<S, 4>{0, 0, 0, 0});  // the first sample is the start, wherever it is
   CHECK(row(S(6)) == Row<S, 4>{S(0.125), S(0.25), S(0.5), S(1)});
   CHECK(row(S(9)) == Row<S, 4>{S(0.5), S(1), S(1), S(1)});
@@ -102,11 +94,7 @@ TEST_CASE_TEMPLATE("a loop of hysteresis costs energy on either path", S, float,
 TEST_CASE_TEMPLATE("backlash has one end for each direction of torque, against it", S, float,
                    double) {
   const Backlash<S> effect{S(0.5)};
-  const auto row = [&](S load) {
-    Sample<S> at;
-    at.load = load;
-    return effect.row(at)[0];
-  };
+  const auto row = [&](S load) { return effect.row(loaded(load))[0]; };
   CHECK(row(0) == S(0));
   CHECK(row(S(0.005)) == doctest::Approx(-0.01).epsilon(1e-4));
   CHECK(row(S(20)) == S(-1));

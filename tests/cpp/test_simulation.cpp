@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "host/simulation/rig/simulate.hpp"
+#include "mesh_joint.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch::simulation;
@@ -11,13 +12,7 @@ using namespace flexspline::batch::simulation;
 namespace {
 
 Joint two_masses() {
-  Joint joint;
-  joint.ratio = 101;
-  joint.motor_inertia = 1e-4;
-  joint.output_inertia = 0.5;
-  joint.gravity = 20;
-  joint.spring.mesh_stiffness = 15548;
-  joint.spring.mesh_shape = 0.0487;
+  Joint joint = mesh_joint();
   joint.spring.wave_generator_stiffness = 21.9931;
   joint.spring.wave_generator_shape = 3.125;
   return joint;

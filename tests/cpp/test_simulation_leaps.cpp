@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "host/simulation/rig/simulate.hpp"
+#include "mesh_joint.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch::simulation;
@@ -11,14 +12,8 @@ using namespace flexspline::batch::simulation;
 namespace {
 
 Joint smooth_joint() {
-  Joint joint;
-  joint.ratio = 101;
-  joint.motor_inertia = 1e-4;
-  joint.output_inertia = 0.5;
-  joint.gravity = 20;
+  Joint joint = mesh_joint();
   joint.damping = 5;
-  joint.spring.mesh_stiffness = 15548;
-  joint.spring.mesh_shape = 0.0487;
   joint.friction[motor] = {.viscous = 1e-4, .cubic = 1e-9};
   joint.friction[output] = {.viscous = 2, .cubic = 3};
   return prepared(joint);

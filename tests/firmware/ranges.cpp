@@ -2,12 +2,13 @@
 //
 //   ranges float|double radians < rows > results
 //
-// Rows are those of stream.cpp with angles in radians; a result is two doubles: flags and zero.
+// Rows are those of rows.hpp with angles in radians; a result is two doubles: flags and zero.
 #include <array>
 #include <cstdio>
 #include <cstring>
 
 #include "joint.hpp"
+#include "rows.hpp"
 
 namespace {
 
@@ -18,12 +19,7 @@ int stream() noexcept {
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
     at.output_position = flexspline::Angle<S>::from_radians(static_cast<S>(row[0]));
     at.motor_position = flexspline::Angle<S>::from_radians(static_cast<S>(row[2]));
-    at.output_velocity = static_cast<S>(row[4]);
-    at.output_acceleration = static_cast<S>(row[5]);
-    at.temperature = static_cast<S>(row[6]);
-    at.known_load = static_cast<S>(row[7]);
-    at.motor_torque = static_cast<S>(row[8]);
-    at.time = static_cast<S>(row[10]);
+    read_numbers(row, at);
     const std::array<double, 2> result{static_cast<double>(joint::validity::flags(at)), 0.0};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }

@@ -5,10 +5,8 @@
 // `MODELS(X)` is X of the name of each exported header (of its namespace), all of which `models.hpp`
 // includes; without it there is `joint.hpp` alone.
 //
-// A row is eleven doubles: output angle (two numbers), motor angle (two numbers), velocity,
-// acceleration, temperature, known load, motor torque, period (0 at a start), time. Angles are
-// radians and nothing, or turns and a fraction in 2^-32 turns, as an encoder counts. A result is
-// two doubles: torque and status.
+// Rows are those of rows.hpp; angles are radians and nothing, or turns and a fraction in 2^-32
+// turns, as an encoder counts. A result is two doubles: torque and status.
 #include <array>
 #include <cstdio>
 #include <cstring>
@@ -19,6 +17,7 @@
 #include "joint.hpp"
 #define MODELS(X) X(joint)
 #endif
+#include "rows.hpp"
 
 namespace {
 
@@ -57,13 +56,7 @@ int stream(const Model& model, bool radians) noexcept {
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
     Status status = read_angle(&row[0], at.output_position);
     if (status == Status::ok) status = read_angle(&row[2], at.motor_position);
-    at.output_velocity = static_cast<S>(row[4]);
-    at.output_acceleration = static_cast<S>(row[5]);
-    at.temperature = static_cast<S>(row[6]);
-    at.known_load = static_cast<S>(row[7]);
-    at.motor_torque = static_cast<S>(row[8]);
-    at.period = static_cast<S>(row[9]);
-    at.time = static_cast<S>(row[10]);
+    read_numbers(row, at);
     if (at.period == S(0)) {
       state = {};
       at.period = S(0.5);  // a device has some period; where it starts anew any will do

@@ -226,7 +226,8 @@ def test_a_cmake_project_finds_the_installed_core(tmp_path: Path) -> None:
         device.lacking("flexspline is not installed as a wheel, or cmake is missing")
         return
     export(model_of(OTHERS, 100.0, "flex", True), tmp_path / "joint.hpp")
-    shutil.copy(Path(__file__).with_name("stream.cpp"), tmp_path)
+    for name in ("stream.cpp", "rows.hpp"):
+        shutil.copy(Path(__file__).with_name(name), tmp_path)
     (tmp_path / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.20)\n"
         "project(consumer LANGUAGES CXX)\n"

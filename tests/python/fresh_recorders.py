@@ -14,6 +14,7 @@ import numpy as np
 from more_recorders import WHERE, _filtered, _stamps
 from recorders import (
     DEG,
+    OWN_OR_BESIDE,
     REV,
     RPM,
     Column,
@@ -34,8 +35,7 @@ from recorders import (
     joint_run,
 )
 from scipy.io import savemat
-
-NO_UNIT = "its unit is stated nowhere"
+from unseen_recorders import NO_UNIT
 
 _recorder = Recorders()
 
@@ -229,7 +229,7 @@ def german_formelzeichen() -> File:
         facts={"gear_ratio": 160},
         ambiguous={
             "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
-            "reference_torque": "a torque at the output, of the joint's sensor or of another",
+            "reference_torque": OWN_OR_BESIDE,
         },
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from recorders import (
     DEG,
+    OWN_OR_BESIDE,
     REV,
     RPM,
     Array,
@@ -402,7 +403,7 @@ def pandas_multiindex() -> File:
         **_kept(run, dict.fromkeys(names.split(), 0.0)),
         facts={"gear_ratio": 160},
         ambiguous={
-            "sensor_torque": "a torque at the output, of the joint's sensor or of another",
+            "sensor_torque": OWN_OR_BESIDE,
         },
         wraps={"output_position": REV},
     )
@@ -554,9 +555,7 @@ def graphtec_gl240() -> File:
         _text([*head, *_lines(columns, ",")], "\r\n"),
         columns,
         facts={"gear_ratio": 80},
-        ambiguous={
-            "reference_torque": "a torque at the output, of the joint's sensor or of another"
-        },
+        ambiguous={"reference_torque": OWN_OR_BESIDE},
     )
 
 

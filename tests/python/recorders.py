@@ -35,6 +35,7 @@ RPM = REV / 60.0  # rad/s
 LBF_IN = 0.3048 / 12.0 * 0.45359237 * 9.80665  # Nm
 KGF_CM = 0.0980665  # Nm
 KELVIN = -273.15  # °C at 0 K
+OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
 
 
 # the joint
@@ -341,6 +342,11 @@ def _table(
 def _kept(run: Mapping[str, Array], arrays: Mapping[str, float]) -> dict[str, object]:
     """Truth and steps of channels that a binary file holds in steps of `arrays`."""
     return {"truth": {name: run[name] for name in arrays}, "steps": dict(arrays)}
+
+
+def _single(run: Mapping[str, Array], channels: Iterable[str]) -> dict[str, float]:
+    """Steps of channels that a file holds in single precision."""
+    return {name: float(np.max(np.abs(run[name]))) * 2.0**-23 for name in channels}
 
 
 def _still(seed: int, angle: float, rows: int) -> Array:
@@ -930,9 +936,7 @@ def hioki_memory() -> File:
         _text([*head, *_lines(columns, ", ")], "\r\n"),
         columns,
         facts={"gear_ratio": 100},
-        ambiguous={
-            "reference_torque": "a torque at the output, of the joint's sensor or of another"
-        },
+        ambiguous={"reference_torque": OWN_OR_BESIDE},
     )
 
 
@@ -1105,7 +1109,7 @@ def excel_german() -> File:
         "\r\n",
         "cp1252",
         facts={"gear_ratio": 100},
-        ambiguous={"sensor_torque": "a torque at the output, of the joint's sensor or of another"},
+        ambiguous={"sensor_torque": OWN_OR_BESIDE},
         wraps={"time": 86_400.0},
     )
 
@@ -1535,11 +1539,10 @@ def numpy_npz() -> File:
     facts = {"gear_ratio": 100, "output_spline": "circular", "operator": "AB"}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays, meta=np.array(json.dumps(facts)), fs=np.array(400.0))
-    steps = {name: float(np.max(np.abs(run[name]))) * 2.0**-23 for name in names.values()}
     return File(
         "run_28.npz",
         buffer.getvalue(),
-        **_kept(run, steps | {"time": 0.0}),
+        **_kept(run, _single(run, names.values()) | {"time": 0.0}),
         facts={"gear_ratio": 101},
         ambiguous={
             "gear_ratio": "101 turns; JSON in meta says 100 with the circular spline at the output",

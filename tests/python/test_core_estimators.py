@@ -20,6 +20,12 @@ DIVIDER = {
 }
 MESH = {"mesh_stiffness": 15548.0, "mesh_shape": 0.0487}
 BAND = {"speed_edges": [], "negative": [1.0], "positive": [2.0]}
+NOISES = {
+    "observer_rest": 2.0,
+    "observer_motion": 1.0,
+    "compliance_rest": 1.0,
+    "compliance_motion": 3.0,
+}
 
 
 def noise(seed: int, count: int = 2000) -> Array:
@@ -165,10 +171,7 @@ def test_the_kalman_merge_is_a_kalman_filter_of_two_measurements() -> None:
         alpha=300.0,
         transition_velocity=0.005,
         walk=2.0,
-        observer_rest=2.0,
-        observer_motion=1.0,
-        compliance_rest=1.0,
-        compliance_motion=3.0,
+        **NOISES,
     )
     np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-10)
 
@@ -330,10 +333,7 @@ def test_a_kalman_merge_runs_in_the_joint() -> None:
         alpha=500.0,
         transition_velocity=0.001,
         walk=3.0,
-        observer_rest=2.0,
-        observer_motion=1.0,
-        compliance_rest=1.0,
-        compliance_motion=3.0,
+        **NOISES,
     )
     np.testing.assert_allclose(seen["external_merged"], expected, rtol=0, atol=1e-9)
 

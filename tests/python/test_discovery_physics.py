@@ -16,12 +16,13 @@ from flexspline.discovery.physics import (
     one_signed,
     spring_bounds,
 )
-from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
-from flexspline.regression.candidate_model import working
+from flexspline.regression.candidate_model import Working, working
 
 VARYING = "position_dependent_friction"
 HYSTERESIS = "torque_hysteresis"
+BENDING = "nonlinear_viscous_friction"
 
 
 @pytest.mark.parametrize(
@@ -85,6 +86,14 @@ def swinging(**channels: np.ndarray) -> Log:
                            )  # fmt: skip
 
 
+def bending(target: str, *values: float) -> tuple[Working, Problem]:
+    """A level, a viscous and two bending coefficients beside a run that swings."""
+    log = swinging(**{target: np.sin(np.arange(2000.0))})
+    effects = [flexspline.effect(n) for n in ("coulomb_friction", "viscous_friction", BENDING)]
+    problem = problem_of([log], effects, target, known_load=None, lowpass_hz=None, threads=1)
+    return replace(working(effects, 2, {}), coefficients=np.array(values)), problem
+
+
 @pytest.mark.parametrize("target", ["motor_torque", "sensor_torque"])
 @pytest.mark.parametrize(
     ("coulomb", "level", "refused"),
@@ -113,14 +122,8 @@ def test_friction_that_falls_from_rest_is_no_bend_of_viscous_friction(
     viscosity: float, quadratic: float, refused: bool
 ) -> None:
     """Beside a level of 1 Nm, at up to 1 rad/s: by 0.18 Nm, where a tenth is a matter of form."""
-    log = swinging(motor_torque=np.sin(np.arange(2000.0)))
-    names = ("coulomb_friction", "viscous_friction", "nonlinear_viscous_friction")
-    effects = [flexspline.effect(name) for name in names]
-    problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
-                         threads=1)  # fmt: skip
-    values = np.array([1.0, viscosity, quadratic, 0.0])
-    made = replace(working(effects, 2, {}), coefficients=values)
-    assert ("fall as the speed rises" in impossible(made, names[2], problem)) is refused
+    made, problem = bending("motor_torque", 1.0, viscosity, quadratic, 0.0)
+    assert ("fall as the speed rises" in impossible(made, BENDING, problem)) is refused
 
 
 @pytest.mark.parametrize(
@@ -131,15 +134,9 @@ def test_friction_that_falls_from_rest_is_no_bend_of_viscous_friction(
 def test_the_power_by_which_friction_would_fall_is_held_and_the_last_one_is_not(
     level: float, quadratic: float, cubic: float, power: str
 ) -> None:
-    log = swinging(sensor_torque=np.sin(np.arange(2000.0)))
-    names = ("coulomb_friction", "viscous_friction", "nonlinear_viscous_friction")
-    effects = [flexspline.effect(name) for name in names]
-    problem = problem_of([log], effects, "sensor_torque", known_load=None, lowpass_hz=None,
-                         threads=1)  # fmt: skip
-    values = np.array([level, 0.1 * level, quadratic, cubic])
-    made = replace(working(effects, 2, {}), coefficients=values)
+    made, problem = bending("sensor_torque", level, 0.1 * level, quadratic, cubic)
     found = falling_power(made, problem)
-    assert found == (f"{names[2]}.{power}" if power else "")
+    assert found == (f"{BENDING}.{power}" if power else "")
     assert held_powers(made) == {}
     if power:
         held = made.holding(found, 0.0)

@@ -15,6 +15,7 @@ import numpy as np
 from more_recorders import WHERE, _filtered, _stamps
 from recorders import (
     DEG,
+    OWN_OR_BESIDE,
     REV,
     RPM,
     Column,
@@ -28,6 +29,7 @@ from recorders import (
     _lines,
     _other,
     _same,
+    _single,
     _still,
     _table,
     _text,
@@ -37,7 +39,6 @@ from recorders import (
 from scipy.io import savemat
 
 NO_UNIT = "its unit is stated nowhere"
-OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
 
 _recorder = Recorders()
 
@@ -246,11 +247,10 @@ def hdf5_matrices() -> File:
             data = np.stack(joints, axis=1).astype(np.float32)
             file.create_dataset(name, data=data).attrs["unit"] = word
     channels = [channel for channel, _, _, _ in matrices.values()]
-    steps = {name: float(np.max(np.abs(run[name]))) * 2.0**-23 for name in channels}
     return File(
         "arm4_elbow.h5",
         buffer.getvalue(),
-        **_kept(run, {"time": 1e-6} | steps),
+        **_kept(run, {"time": 1e-6} | _single(run, channels)),
         facts={"gear_ratio": 101},
         ambiguous={
             "sensor_torque": "a joint's torque may be measured in it or made from the current",

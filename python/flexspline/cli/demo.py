@@ -6,7 +6,7 @@ import os
 
 import click
 
-from flexspline.cli.options import FILE, on_terminal, refuse_overwriting
+from flexspline.cli.options import FILE, on_terminal, out_file, refuse_overwriting
 from flexspline.cli.speech import found, say
 
 __all__ = [
@@ -53,9 +53,7 @@ def _processors() -> int:
 
 @click.command()
 @click.argument("paper", type=click.Choice(PAPERS))
-@click.option(
-    "--out", required=True, metavar="DIR", type=FILE, help="Folder for figures, tables and claims."
-)
+@out_file("DIR", "Folder for figures, tables and claims.")
 @click.option(
     "--draws",
     type=click.IntRange(1),

@@ -14,23 +14,27 @@ from typing import Any
 import click
 
 from flexspline.cli.options import (
-    EFFECTS,
     FILE,
     Reading,
     Taught,
     bandwidth,
     controller,
     effects_by_target,
+    exclude,
+    excluded,
     fitted_controller,
     is_table,
+    known_effects,
     known_load,
     loaded,
     lowpass,
+    model_file,
     model_joint,
     named,
     named_effects,
     of_a_fit,
     on_terminal,
+    out_file,
     reading,
     refuse_overwriting,
     repairs,
@@ -41,7 +45,6 @@ from flexspline.cli.options import (
     threads,
 )
 from flexspline.cli.speech import found, say
-from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, remove_file, save_table, whole_folder
 
@@ -53,25 +56,13 @@ NEXT = "next_experiment.csv"
 
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="A model that fit wrote, or an MJCF file or a URDF with a joint.",
-)
+@model_file("A model that fit wrote, or an MJCF file or a URDF with a joint.")
 @model_joint
 @simulation
 @click.option(
     "--simulated-motion", is_flag=True, help="Compare the output_position of --simulation."
 )
-@click.option(
-    "--out",
-    required=True,
-    metavar="DIR",
-    type=FILE,
-    help="Folder for comparison.json and report.html.",
-)
+@out_file("DIR", "Folder for comparison.json and report.html.")
 @target(required=False)
 @click.option(
     "--simulated", is_flag=True, help="Drive the model forward and compare the motion instead."
@@ -178,16 +169,8 @@ def _numbers(text: str) -> tuple[float, ...]:
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @target(required=False)
-@click.option(
-    "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects that are known; or none."
-)
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Or a model to start from, or an MJCF file or a URDF with a joint.",
-)
+@known_effects
+@model_file("Or a model to start from, or an MJCF file or a URDF with a joint.")
 @model_joint
 @simulation
 @click.option(
@@ -199,10 +182,8 @@ def _numbers(text: str) -> tuple[float, ...]:
     "is measured.",
 )
 @fitted_controller
-@click.option(
-    "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
-)
-@click.option("--out", required=True, metavar="DIR", type=FILE, help="Folder for what is found.")
+@exclude
+@out_file("DIR", "Folder for what is found.")
 @of_a_fit
 @click.option(
     "--limit",
@@ -265,8 +246,7 @@ def discover(
     model = None if model_path is None else loaded(model_path, target, model_joint or reading.joint)
     effects = None if names is None else named_effects(names)
     limits = parsed_limits(options["limits"])
-    given = (name.strip() for name in (options["exclude"] or "").split(","))
-    exclude = [effect(name).name for name in given if name]
+    unwanted = excluded(options["exclude"])
     written = ("model.json", "discovery.json", "report.html", NEXT)
     refuse_overwriting(out, [*runs, *simulation], written)
     with whole_folder(out, last="discovery.json") as draft:
@@ -286,7 +266,7 @@ def discover(
             bandwidth=options["bandwidth"],
             orders=options["orders"],
             fixed=options["fix"],
-            exclude=exclude,
+            exclude=unwanted,
             limits=limits,
             threads=options["threads"],
             by=options["by"],

@@ -25,6 +25,7 @@ from flexspline.cli.options import (
     named_effects,
     of_a_fit,
     on_terminal,
+    out_file,
     positive,
     reading,
     refuse_overwriting,
@@ -203,9 +204,7 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
     type=EFFECTS,
     help="Effects, listed below; or none.",
 )
-@click.option(
-    "--out", required=True, metavar="DIR", type=FILE, help="Folder for model.json and report.html."
-)
+@out_file("DIR", "Folder for model.json and report.html.")
 @click.option(
     "--into", metavar="MODEL.json", type=FILE, help="Add this part to a model of the same joint."
 )
@@ -417,9 +416,7 @@ def _thermistor(
 
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
-@click.option(
-    "--out", required=True, metavar="DIR", type=FILE, help="Folder for model.json and report.html."
-)
+@out_file("DIR", "Folder for model.json and report.html.")
 @click.option(
     "--reference",
     default="reference_torque",

@@ -23,16 +23,21 @@ from flexspline.cli.options import (
     Taught,
     bandwidth,
     effects_by_target,
+    exclude,
+    excluded,
     fixed,
     joint_and_map,
+    known_effects,
     known_load,
     loaded,
     lowpass,
+    model_file,
     named,
     named_effects,
     of_a_fit,
     on_terminal,
     orders,
+    out_file,
     positive,
     reading,
     refuse_overwriting,
@@ -42,7 +47,6 @@ from flexspline.cli.options import (
     threads,
 )
 from flexspline.cli.speech import Commands, found, say, spoken
-from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
 
@@ -92,16 +96,8 @@ horizon = click.option(
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
 @click.argument("sessions", nargs=-1, required=True, metavar="MODEL_OR_RUN...", type=FILE)
-@click.option(
-    "--out", required=True, metavar="DIR", type=FILE, help="Folder for track.json and report.html."
-)
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Of runs: its effects and orders are fitted to each, its shapes held.",
-)
+@out_file("DIR", "Folder for track.json and report.html.")
+@model_file("Of runs: its effects and orders are fitted to each, its shapes held.")
 @click.option(
     "--effects",
     "names",
@@ -284,13 +280,7 @@ def _fitted(command: Command) -> Command:
         click.option(
             "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below."
         ),
-        click.option(
-            "--model",
-            "model_path",
-            metavar="MODEL.json",
-            type=FILE,
-            help="Or the model of a joint, whose effects, shapes and orders are taken.",
-        ),
+        model_file("Or the model of a joint, whose effects, shapes and orders are taken."),
         click.option(
             "--pilot",
             metavar="UNIT",
@@ -366,15 +356,9 @@ def fit(
 
 @fleet.command("discover", cls=Taught, sections=(effects_by_target, repairs))
 @target(required=False, says="What is explained; it may be left out with --model.")
-@click.option(
-    "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects that are known; or none."
-)
-@click.option(
-    "--model", "model_path", metavar="MODEL.json", type=FILE, help="Or a model to start from."
-)
-@click.option(
-    "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
-)
+@known_effects
+@model_file("Or a model to start from.")
+@exclude
 @of_a_fit
 @_shared
 def discover(
@@ -401,8 +385,7 @@ def discover(
       flexspline fleet discover line7 --model joint.json --workers 2 --out line7_lacks
     """
     effects = _effects(names, model_path, target)
-    given = (name.strip() for name in (exclude or "").split(","))
-    unwanted = [effect(name).name for name in given if name]
+    unwanted = excluded(exclude)
     model = None if model_path is None else loaded(model_path, target)
     sessions = _sessions(folders, out, options, (DISCOVERY, REPORT))
     with whole_folder(out, last=DISCOVERY) as draft:
@@ -422,13 +405,8 @@ def discover(
 
 
 @fleet.command("compare", cls=Taught, sections=(repairs,))
-@click.option(
-    "--model",
-    "model_path",
-    required=True,
-    metavar="MODEL.json",
-    type=FILE,
-    help="One for all joints; or with {joint} in its name, which stands for the joint.",
+@model_file(
+    "One for all joints; or with {joint} in its name, which stands for the joint.", required=True
 )
 @target(required=False)
 @lowpass

@@ -55,6 +55,8 @@ __all__ = [
     "channels",
     "controller",
     "effects_by_target",
+    "exclude",
+    "excluded",
     "files_in",
     "files_of",
     "fitted_controller",
@@ -62,11 +64,13 @@ __all__ = [
     "formats",
     "is_table",
     "joint_and_map",
+    "known_effects",
     "known_load",
     "left_open",
     "loaded",
     "lowpass",
     "model",
+    "model_file",
     "model_joint",
     "named",
     "named_effects",
@@ -196,6 +200,30 @@ def named_effects(text: str) -> list[str]:
     return [effect(name).name for name in names]
 
 
+def known_effects(command: Command) -> Command:
+    """--effects A,B,C"""
+    says = "Effects that are known; or none."
+    return click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help=says)(command)
+
+
+def exclude(command: Command) -> Command:
+    """--exclude A,B,C"""
+    says = "Effects that are known not to be there."
+    return click.option("--exclude", metavar="A,B,C", type=EFFECTS, help=says)(command)
+
+
+def excluded(text: str | None) -> list[str]:
+    """Read the names of --exclude.
+
+    Raises
+    ------
+    InputError
+        Where one is unknown.
+    """
+    given = (name.strip() for name in (text or "").split(","))
+    return [effect(name).name for name in given if name]
+
+
 def known_load(command: Command) -> Command:
     """--known-load CHANNEL"""
     says = (
@@ -288,14 +316,15 @@ def bandwidth(command: Command) -> Command:
 
 def model(command: Command) -> Command:
     """--model MODEL.json"""
+    says = "A model that fit wrote, or an MJCF file or a URDF with a joint."
+    return model_file(says, required=True)(command)
+
+
+def model_file(says: str, *, required: bool = False) -> Callable[[Command], Command]:
+    """--model MODEL.json"""
     return click.option(
-        "--model",
-        "model_path",
-        required=True,
-        metavar="MODEL.json",
-        type=FILE,
-        help="A model that fit wrote, or an MJCF file or a URDF with a joint.",
-    )(command)
+        "--model", "model_path", required=required, metavar="MODEL.json", type=FILE, help=says
+    )
 
 
 def model_joint(command: Command) -> Command:
@@ -377,14 +406,8 @@ def of_a_fit(command: Command) -> Command:
 
 def out_files(command: Command) -> Command:
     """--out FILE_OR_DIR"""
-    return click.option(
-        "--out",
-        required=True,
-        metavar="FILE_OR_DIR",
-        type=FILE,
-        help="File to write; of several runs a folder, which gets one for each. Whole or not at "
-        "all.",
-    )(command)
+    says = "File to write; of several runs a folder, which gets one for each. Whole or not at all."
+    return out_file("FILE_OR_DIR", says)(command)
 
 
 def files_in(

@@ -14,7 +14,7 @@ part of it where one torque passes all. Left out are
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,8 @@ from flexspline.model import PART_OF, Model, Part
 from flexspline.own import design_of
 from flexspline.signals import gear_of
 
-__all__ = ["TORSION", "Coupling", "coupling_of", "read_temperatures", "without_log"]
+__all__ = ["TORSION", "Coupling", "coupling_of", "kept_effects", "read_temperatures",
+           "usual_temperature", "without_log"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -110,13 +111,9 @@ def coupling_of(model: Model) -> Coupling:
             "the model's part for torsion corrects a simulation, and a coupling needs all of it; "
             "fit it without the simulation"
         )
-    left = {effect.name: why for effect in whole.effects if (why := _left(effect))}
-    effects = tuple(effect for effect in whole.effects if effect.name not in left)
-    if not any(effect.terms for effect in effects):
-        raise InputError(
-            f"the model's part for torsion has no effect that yields to a load: "
-            f"{listed(left) or 'it is empty'}; fit a compliance, with --known-load"
-        )
+    effects, left = kept_effects(
+        whole, _left, "that yields to a load", "fit a compliance, with --known-load"
+    )
     if "gear_ratio" not in model.facts:
         raise InputError(
             "the model lacks the gear ratio, which relates both sides of the gear; fit it again "
@@ -133,7 +130,7 @@ def coupling_of(model: Model) -> Coupling:
         Model({PART_OF[part.target]: part}, model.facts),
         part,
         ratio,
-        0.5 * sum(temperatures) if "temperature" in ranges else USUAL_TEMPERATURE,
+        usual_temperature(ranges),
         temperatures,
         largest,
         fitted,
@@ -142,10 +139,37 @@ def coupling_of(model: Model) -> Coupling:
     )
 
 
+def kept_effects(
+    whole: Part, left_by: Callable[[Effect], str], that: str, remedy: str
+) -> tuple[tuple[Effect, ...], dict[str, str]]:
+    """Return the effects of a part that run, and of the others what `left_by` says.
+
+    `that` and `remedy`: what an effect that runs does, and what to do where there is none.
+
+    Raises
+    ------
+    InputError
+        Where none of those that run has a coefficient.
+    """
+    left = {effect.name: why for effect in whole.effects if (why := left_by(effect))}
+    kept = tuple(effect for effect in whole.effects if effect.name not in left)
+    if not any(effect.terms for effect in kept):
+        raise InputError(
+            f"the model's part for {whole.target} has no effect {that}: "
+            f"{listed(left) or 'it is empty'}; {remedy}"
+        )
+    return kept, left
+
+
 def read_temperatures(ranges: Mapping[str, Sequence[float]]) -> tuple[float, float]:
     """Return between which temperatures [deg C] a model of these ranges is asked."""
     low, high = ranges.get("temperature", ANY_TEMPERATURE)
     return float(low), float(high)
+
+
+def usual_temperature(ranges: Mapping[str, Sequence[float]]) -> float:
+    """Return the middle [deg C] of the temperatures of a fit, else that of the core's sample."""
+    return 0.5 * sum(read_temperatures(ranges)) if "temperature" in ranges else USUAL_TEMPERATURE
 
 
 def _left(effect: Effect) -> str:

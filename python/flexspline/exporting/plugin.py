@@ -29,7 +29,9 @@ from flexspline.exporting.coupling import (
     TORSION,
     Coupling,
     coupling_of,
+    kept_effects,
     read_temperatures,
+    usual_temperature,
     without_log,
 )
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
@@ -63,7 +65,6 @@ INSTANCE, JOINT, COUPLING = (f"mujoco-{name}.hpp" for name in ("instance", "join
 INSTALL = "run pip install 'flexspline[mujoco]'"
 OPTIONS = ("-std=c++20", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
 SUFFIXES = {"darwin": ".dylib", "win32": ".dll"}
-USUAL_TEMPERATURE = 25.0  # deg C, as in the core's sample
 USUAL_SPEED = 1.0  # rad/s, where a model has no range of it
 SPEEDS = 101  # of a range, at which friction is looked at
 UNKNOWN_INERTIA = 1.0  # kg m², in an MJCF to copy from
@@ -143,13 +144,9 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
     whole = model.part(target)
     torque = output_torque(model, whole)
     _require_braking(model, whole)
-    left = {effect.name: why for effect in whole.effects if (why := _left(effect))}
-    effects = tuple(effect for effect in whole.effects if effect.name not in left)
-    if not any(effect.terms for effect in effects):
-        raise InputError(
-            f"the model's part for {whole.target} has no effect that a plugin could run: "
-            f"{listed(left) or 'it is empty'}; fit friction, or export with --format mujoco"
-        )
+    effects, left = kept_effects(
+        whole, _left, "that a plugin could run", "fit friction, or export with --format mujoco"
+    )
     reads = {channel for effect in effects for channel in effect.reads}
     _require_channels(model, whole, reads)
     gravity = whole.coefficients_of(GRAVITY)
@@ -159,14 +156,13 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         whole.keeping(lambda e: e.name not in left),
         known_load=(whole.known_load or "reference_torque") if "load" in reads else None,
     )
-    temperatures = read_temperatures(ranges)
     return Plugin(
         Model({PART_OF[part.target]: part}, model.facts),
         part,
         torque,
         float(gear_of(model.facts, motor_encoder=False)["effective_ratio"]),
-        0.5 * sum(temperatures) if "temperature" in ranges else USUAL_TEMPERATURE,
-        temperatures,
+        usual_temperature(ranges),
+        read_temperatures(ranges),
         max(map(abs, ranges.get("known_load", (0.0,)))) + torque * weight,
         left,
     )
@@ -343,13 +339,10 @@ def _source(plugins: Plugins, namespace: str) -> Iterator[str]:
 
 
 def _joint_settings(plugin: Plugin, namespace: str) -> Iterator[str]:
-    coldest, warmest = plugin.temperatures
     constants = (
         (plugin.torque, "torque", "Nm at the output that a unit of the model is worth"),
         (plugin.ratio, "ratio", "of the gear"),
-        (plugin.temperature, "temperature", "deg C, where the MJCF gives none"),
-        (coldest, "coldest", "deg C, of the fit"),
-        (warmest, "warmest", "deg C, of the fit"),
+        *_temperatures(plugin),
         (plugin.load, "load", "Nm, the largest at standstill, as far as the fit knows"),
     )
     yield "struct Settings {"
@@ -360,12 +353,6 @@ def _joint_settings(plugin: Plugin, namespace: str) -> Iterator[str]:
 
 
 def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
-    coldest, warmest = coupling.temperatures
-    constants = (
-        (coupling.temperature, "temperature", "deg C, where the MJCF gives none"),
-        (coldest, "coldest", "deg C, of the fit"),
-        (warmest, "warmest", "deg C, of the fit"),
-    )
     fields = (
         (coupling.ratio, "ratio", "of the gear"),
         (coupling.largest_load, "largest_load", "Nm at the output"),
@@ -373,13 +360,22 @@ def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
     )
     yield "struct Between {"
     yield from _named(namespace)
-    yield from _constants(constants)
+    yield from _constants(_temperatures(coupling))
     yield "  static constexpr flexspline::Coupling<double> coupling{"
     for value, name, what in fields:
         yield f"      .{name} = {number(value, name)},  // {comment(what)}"
     yield "  };"
     yield "};"
     yield ""
+
+
+def _temperatures(of: Plugin | Coupling) -> tuple[tuple[float, str, str], ...]:
+    coldest, warmest = of.temperatures
+    return (
+        (of.temperature, "temperature", "deg C, where the MJCF gives none"),
+        (coldest, "coldest", "deg C, of the fit"),
+        (warmest, "warmest", "deg C, of the fit"),
+    )
 
 
 def _named(namespace: str) -> Iterator[str]:

@@ -177,16 +177,13 @@ def write_fleet_report(made: FleetFit, folder: str | os.PathLike[str]) -> None:
                 ["Values given the fleet, with standard errors; those of joints that stand out are "
                  "their own."], _joint_rows(made), links=pages),
         *_held_section(made),
-        Section("left", "What was left out", _left_sentences(made, short_list=False) or
-                ["Nothing: every run was used."]),
+        _left_out(_left_sentences(made, short_list=False), "Nothing: every run was used."),
         Section("how", "How far this is from a fit of each joint", [DIFFERS]),
     ]  # fmt: skip
     verdict = [*_verdict(made), *_held_sentences(made)]
     title = f"{len(made.units)} joints, {TARGET_WORDS[made.plan.target]}"
-    over = f"flexspline {__version__} · fit of a fleet"
-    write_page(
-        PageOf(over, title, verdict, bool(made.outlying), sections, _call(made)),
-        Path(folder) / "report.html",
+    _write_overview(
+        folder, "fit of a fleet", title, verdict, bool(made.outlying), sections, _call(made)
     )
     for unit in made.units:
         _write_unit(made, unit, Path(folder) / pages[unit.name])
@@ -222,6 +219,24 @@ def _write_unit(made: FleetFit, unit: UnitFit, path: Path) -> None:
     ]  # fmt: skip
     verdict = [said, f"{runs}; the fit leaves {padded(unit.rmse)} {made.plan.unit} RMS."]
     _write_joint(len(made.units), unit.name, verdict, bool(out), sections, path)
+
+
+def _left_out(said: Sequence[str], nothing: str) -> Section:
+    return Section("left", "What was left out", said or [nothing])
+
+
+def _write_overview(
+    folder: str | os.PathLike[str],
+    what: str,
+    title: str,
+    verdict: Sequence[str],
+    critical: bool,
+    sections: Sequence[Section],
+    call: str = "",
+) -> None:
+    """Write the page of the whole fleet; `what` it is of."""
+    over = f"flexspline {__version__} · {what}"
+    write_page(PageOf(over, title, verdict, critical, sections, call), Path(folder) / "report.html")
 
 
 def _write_joint(
@@ -438,13 +453,11 @@ def write_discovery_of_fleet(made: FleetDiscovery, folder: str | os.PathLike[str
         Section("names", "Names", [NAMES] if made.names else ["Nothing is found in any joint."],
                 _name_rows(made) if made.names else (), words=(0, 6)),
         Section("joints", "Joints", [EACH_JOINT], _looked_rows(made), links=pages, words=(0, 1)),
-        Section("left", "What was left out",
-                _failed(made.failed, made.remarks) or ["Nothing: every joint was looked at."]),
+        _left_out(_failed(made.failed, made.remarks), "Nothing: every joint was looked at."),
     ]  # fmt: skip
     title = f"What {len(made.units)} joints lack, {TARGET_WORDS[made.target]}"
-    over = f"flexspline {__version__} · discovery in a fleet"
-    page = PageOf(over, title, _discovered(made), bool(made.names), sections)
-    write_page(page, Path(folder) / "report.html")
+    verdict = _discovered(made)
+    _write_overview(folder, "discovery in a fleet", title, verdict, bool(made.names), sections)
     for unit in made.units:
         _write_discovered(made, unit, Path(folder) / pages[unit.name])
 
@@ -575,13 +588,11 @@ def write_comparison_of_fleet(made: FleetComparison, folder: str | os.PathLike[s
                 follows if made.follows else (), words=(0, 2)),
         Section("joints", "Joints", ["The worst first; excess is over the noise floor."],
                 _compared_rows(made), links=pages, words=(0, 5)),
-        Section("left", "What was left out",
-                _failed(made.failed, made.remarks) or ["Nothing: every joint was compared."]),
+        _left_out(_failed(made.failed, made.remarks), "Nothing: every joint was compared."),
     ]  # fmt: skip
     title = f"{len(made.units)} joints and a model, {made.target.replace('_', ' ')}"
-    over = f"flexspline {__version__} · comparison of a fleet"
-    page = PageOf(over, title, _compared(made), bool(made.follows), sections)
-    write_page(page, Path(folder) / "report.html")
+    verdict = _compared(made)
+    _write_overview(folder, "comparison of a fleet", title, verdict, bool(made.follows), sections)
     for unit in made.units:
         rows: list[Row] = [("", "band", "rows", f"RMSE [{made.unit}]", "noise floor", "excess")]
         for name, bands in unit.content.items():
@@ -653,13 +664,11 @@ def write_track_of_fleet(made: FleetTrack, folder: str | os.PathLike[str]) -> No
           if made.changed else []),
         Section("joints", "Joints", ["Those that changed first."], _tracked_rows(made),
                 links=pages, words=(0, 1, 3, 4)),
-        Section("left", "What was left out",
-                _failed(made.failed, made.remarks) or ["Nothing: every run was used."]),
+        _left_out(_failed(made.failed, made.remarks), "Nothing: every run was used."),
     ]  # fmt: skip
     title = f"{len(made.tracks)} joints over time, {TARGET_WORDS[made.fit.plan.target]}"
-    over = f"flexspline {__version__} · track of a fleet"
-    page = PageOf(over, title, [made.verdict], bool(made.changed), sections)
-    write_page(page, Path(folder) / "report.html")
+    changed = bool(made.changed)
+    _write_overview(folder, "track of a fleet", title, [made.verdict], changed, sections)
     for name, one in made.tracks.items():
         one.report(Path(folder) / pages[name])
 
