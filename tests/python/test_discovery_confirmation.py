@@ -398,9 +398,15 @@ def test_a_name_whose_load_does_not_settle_is_withdrawn(
     assert [*held.shown] == left and refused == {raising: UNSETTLED}
 
 
-def test_a_step_whose_load_does_not_settle_is_in_a_group_with_the_next() -> None:
+def test_of_a_step_whose_load_does_not_settle_the_search_tells_the_error() -> None:
     models = ["base", "one", "two", "three"]
-    made: Any = SimpleNamespace(nested=models, base="base", final=SimpleNamespace(named=models[1:]))
+    searched = SimpleNamespace(residuals=(np.array([3.0, np.nan, -3.0]),))
+    made: Any = SimpleNamespace(
+        nested=models,
+        base="base",
+        final=SimpleNamespace(named=models[1:]),
+        left_by={"one": searched}.__getitem__,
+    )
     sizes = {"base": 4.0, "two": 2.0}
     fit: Any = SimpleNamespace(runs=[SimpleNamespace(held_out=np.array([1.0, -1.0, np.nan]))])
 
@@ -410,8 +416,7 @@ def test_a_step_whose_load_does_not_settle_is_in_a_group_with_the_next() -> None
         return (np.array([sizes[work], np.nan, -sizes[work]]),)
 
     steps = confirmation._steps(made, fit, left_by)
-    assert steps.rmse == [4.0, np.inf, 2.0, 1.0]
-    assert together(steps.rmse) == [(0, 2), (2, 3)]
+    assert steps.rmse == [4.0, 3.0, 2.0, 1.0]
     assert np.isnan(steps.before[0][1]) and steps.after[0] is fit.runs[0].held_out
 
 

@@ -124,6 +124,18 @@ def test_a_fault_matters_by_the_torque_it_makes_beside_the_noise_floor(floor: fl
     assert graded([fault], [log], fit, floor * one.makes)[0].grave is (floor < 1.0)
 
 
+def test_it_is_said_which_velocity_names_are_looked_for_with() -> None:
+    log, made = run(0, 0.0), found().fit
+    fault = DataFault(log.name, "velocity_delay", "output_velocity", 0.02, "s", (0, len(log)), "")
+    (derived,) = graded([fault], [log], made, 1e-3)
+    assert "with a velocity derived from output_position; as recorded it makes" in derived.sentence
+    as_recorded = replace(made, model=recorded(made.model))
+    (late,) = graded([fault], [log], as_recorded, 1e-3)
+    assert "with it as recorded; by itself it makes" in late.sentence
+    (little,) = graded([fault], [log], as_recorded, 1e3)
+    assert little.sentence.endswith("too little to matter.")
+
+
 def recorded(model: flexspline.Model) -> flexspline.Model:
     """The model that reads its channels as they are."""
     part = model.part()

@@ -121,8 +121,8 @@ class Steps:
 
     The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
     model to the same runs. `before`, `after`: of the base and of all names, (N,) of each run.
-    `rmse`: of each model from the base on, in the target's unit; ∞ of one whose load does not
-    settle, so that its last name stands in a group with the next.
+    `rmse`: of each model from the base on, in the target's unit. Of one whose load does not settle
+    in a fit they are the search's.
     """
 
     before: Residuals
@@ -274,17 +274,19 @@ def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
 
 
 def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) -> Steps:
-    before = left_by(made.base)
-    rmse = [rmse_of(before)]
-    for work in made.nested[1:-1]:
-        try:
-            rmse.append(rmse_of(left_by(work)))
-        except UnsettledError:
-            rmse.append(np.inf)
+    before = _left(made, made.base, left_by)
     if not made.final.named:
-        return Steps(before, before, rmse)
+        return Steps(before, before, [rmse_of(before)])
+    between = [rmse_of(_left(made, work, left_by)) for work in made.nested[1:-1]]
     after = tuple(run.held_out for run in fit.runs)
-    return Steps(before, after, [*rmse, rmse_of(after)])
+    return Steps(before, after, [rmse_of(before), *between, rmse_of(after)])
+
+
+def _left(made: Analysis, work: Working, left_by: Callable[[Working], Residuals]) -> Residuals:
+    try:
+        return left_by(work)
+    except UnsettledError:
+        return made.left_by(work).residuals
 
 
 def _also_seen(
@@ -297,7 +299,7 @@ def _also_seen(
     found = []
     for one in small:
         beside, _ = made.searcher.fitted(made.final.with_effects(one.effect))
-        error = rmse_of(left_by(beside))
+        error = rmse_of(_left(made, beside, left_by))
         if error < without:
             share = float(np.clip(one.share, -1.0, 1.0))
             found.append(AlsoSeen(one.effect.name, without, error, one.t, share))

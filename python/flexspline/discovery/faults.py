@@ -220,9 +220,9 @@ def _graded(fault: DataFault, log: Log | None, fit: Fit, floor: float) -> DataFa
 def _makes(fault: DataFault, log: Log, fit: Fit) -> float | None:
     """RMS of what a fault makes of the target; None where that is not known."""
     if fault.name == "velocity_delay" and fault.channel == VELOCITY:
-        mended = move_earlier(log, VELOCITY, fault.size)
-        both = [_as_recorded(fit, one) for one in (log, mended)]
-        _, first, second = np.intersect1d(log["time"], mended["time"], return_indices=True)
+        moved = move_earlier(log, VELOCITY, fault.size)
+        both = [_as_recorded(fit, one) for one in (log, moved)]
+        _, first, second = np.intersect1d(log["time"], moved["time"], return_indices=True)
         return float(np.sqrt(np.nanmean((both[0][first] - both[1][second]) ** 2)))
     if fault.name == "repeated_rows":
         steps = np.diff(target_of(log, fit.target, fit.part.known_load))

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = [
+    "SINGULAR",
+    "TINY",
     "Delay",
     "Fit",
     "FittedRun",
@@ -61,7 +63,9 @@ _FIELDS = ("rmse", "held_out", "regression")
 _NOT_KEPT = ("degrees_of_freedom", "bounds", "logarithmic")
 """Of a parameter, what only the fit that was just made needs."""
 TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
-SINGULAR = 1e-9  # of a size: what is less is none
+SINGULAR = 1e-9
+"""Of the largest eigenvalue of scaled products: below, columns depend on each other; and of any
+quantity, that is rounding. Squares have half the digits of a double."""
 
 
 @dataclass(frozen=True)

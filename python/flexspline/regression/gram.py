@@ -36,6 +36,7 @@ from scipy.ndimage import correlate1d
 from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.result import SINGULAR, TINY
 from flexspline.least_squares.validation import RUNS_NEEDED, run_edges
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.segments import runs as unbroken_runs
@@ -74,10 +75,6 @@ Stretch = tuple[int, int, Array]
 SLIVER = 1e-7  # of its squares, that a column keeps beside a model, to be seen
 CHUNK = 20_000  # rows of which given columns are made at once
 SHORT = 11  # coefficients of a filter up to which NumPy convolves twice as fast as SciPy
-TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
-SINGULAR = 1e-9
-"""Of the largest eigenvalue of scaled products: below, columns depend on each other; and of any
-quantity, that is rounding. Squares have half the digits of a double."""
 
 Shares = list[tuple[int, float]]
 
