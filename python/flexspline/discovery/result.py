@@ -15,11 +15,10 @@ measured state and is driven by its inputs alone.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.formatting import percent
-from flexspline.lazy import render
+from flexspline.lazy import Rendered, render
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
@@ -242,7 +241,7 @@ class Unexplained:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Discovery:
+class Discovery(Rendered):
     """What was missing in a model of these runs.
 
     Parameters
@@ -271,6 +270,8 @@ class Discovery:
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
     """
+
+    _kind: ClassVar = "discovery"
 
     target: str
     unit: str
@@ -378,22 +379,12 @@ class Discovery:
         """Return the text of `discovery.json`."""
         return discovery_json(self)
 
-    def __str__(self) -> str:
-        return render("discovery", "text", self)
-
     def __repr__(self) -> str:
         names = ", ".join(self.names) or "nothing"
         return (
             f"<Discovery in {self.target}: {names}; RMSE {self.base_rmse:.4g} to "
             f"{self.final_rmse:.4g} {self.unit}>"
         )
-
-    def _repr_html_(self) -> str:
-        return render("discovery", "html", self)
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a self-contained HTML report, whole or not at all."""
-        render("discovery", "report", self, path)
 
 
 FORMAT = "flexspline-discovery"
