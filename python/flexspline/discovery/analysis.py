@@ -184,8 +184,8 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
-    `ceiling`: the flexible basis. `rejected`: names that were spurious, as that tells.
-    `generalised`: whether the model is fitted by generalised least squares.
+    `rejected`: names that were spurious, as the flexible basis tells. `generalised`: whether the
+    model is fitted by generalised least squares.
     """
 
     study: Study
@@ -196,7 +196,6 @@ class Analysis:
     steps: tuple[Offer, ...]
     leftover: Leftover
     rejected: tuple[str, ...]
-    ceiling: Ceiling
     generalised: bool = False
 
     def without(self, name: str) -> Analysis:
@@ -205,7 +204,7 @@ class Analysis:
         if name in [e.name for e in self.base.effects]:
             base, _ = self.searcher.fitted(self.base.without(name))
             return replace(self, base=base, final=final)
-        leftover = leftover_of(self.ceiling, final)
+        leftover = leftover_of(Ceiling(self.study.problem, self.whitening), final)
         return replace(self, final=final, leftover=leftover)
 
     def in_runs(self, study: Study, plain: str) -> Analysis:
@@ -218,10 +217,10 @@ class Analysis:
         searcher = replace(self.searcher, study=study)
         base, _ = searcher.fitted(self.base.without(plain))
         final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
-        ceiling = Ceiling(study.problem, self.whitening)
+        leftover = leftover_of(Ceiling(study.problem, self.whitening), final)
         return replace(
             self, study=study, part=part, base=base, final=final, searcher=searcher,
-            leftover=leftover_of(ceiling, final), ceiling=ceiling,
+            leftover=leftover,
         )  # fmt: skip
 
     @property
@@ -284,9 +283,11 @@ class Analysis:
         return float(min(self.leftover.share if share is None else share, 1.0))
 
     @property
-    def searched(self) -> float:
-        """Share of the rows that were searched first."""
-        return min(rows_of(self.part.problem) / rows_of(self.study.problem), 1.0)
+    def searched(self) -> dict[str, float]:
+        """Share of the rows that were searched first, for names and for what no name explains."""
+        rows = rows_of(self.study.problem)
+        few = {"names": self.part.problem, "functions": looked_at(self.study.problem)}
+        return {what: min(rows_of(problem) / rows, 1.0) for what, problem in few.items()}
 
 
 @dataclass(frozen=True)
@@ -370,9 +371,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         if there and not effect.info.remembers and _of_one_part(ceiling, final, effect, leftover):
             rejected.append(effect.name)
             final, leftover = without(effect.name)
-    return Analysis(
-        whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected), ceiling
-    )
+    return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected))
 
 
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:

@@ -172,7 +172,7 @@ def assembled(
         also_seen=held.also_seen,
         inputs=inputs,
         rows=rows,
-        searched={"names": made.searched, "functions": made.ceiling.share},
+        searched=made.searched,
         dependences=made.tied,
     )
 
