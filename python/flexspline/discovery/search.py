@@ -461,15 +461,15 @@ class Searcher:
     ) -> float:
         """What an effect gains beside a model and given columns: other forms of `bent`.
 
-        From the second effect on that is asked of beside the same, its rivals are asked of with it,
-        for most of the work is the same.
+        Its rivals are asked of with it beside other forms, and from the second effect on that is
+        asked of beside the same, for most of the work is the same.
         """
         rest = work.without(effect.name)
         fixed = tuple(sorted(rest.fixed.items()))
         known = self.kept.setdefault((rest.effects, rest.coefficients.tobytes(), fixed, bent), {})
         if effect not in known:
             names = {e.name for e in work.effects}
-            more = rivals if known and effect.name not in names else ()
+            more = rivals if (known or bent) and effect.name not in names else ()
             together = [effect, *(e for e in more if e not in known and e.name not in names)]
             known.update(self._gains(problem, rest, list(dict.fromkeys(together)), given, not bent))
         return known[effect]
