@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
+import flexspline
 from flexspline import _core
 from flexspline.effects import Effect, effect
 from flexspline.logs.log import Log
 from flexspline.signals import core_channels, gear_of
 
 WIDTH = 0.05  # rad/s, the direction width of the simulated joints
+HELD = {"direction_width": WIDTH}
 
 
 def motion(
@@ -76,3 +78,15 @@ def friction(width: float = WIDTH) -> list[Effect]:
 
 
 FRICTION = np.array([-0.12, 0.3, 0.15, 0.02])  # coefficients of `friction`
+
+
+def run_of(seed: int, samples: int, phi: float = 0.9, shift: float = 0.0, **more) -> Log:
+    """A log of a joint with `friction` alone, AR(1) noise and a shift of the sensor torque."""
+    noise = autoregressive(np.random.default_rng(seed), samples, phi) + shift
+    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}", **more)
+
+
+def fitted(effects, logs, **options) -> flexspline.Fit:
+    """A fit to the sensor torque that holds the width, unless `options` say otherwise."""
+    options = {"fixed": HELD, "checks": False, **options}
+    return flexspline.fit(effects, logs, "sensor_torque", **options)

@@ -11,33 +11,11 @@ import io
 
 import h5py
 import numpy as np
-from more_recorders import WHERE, _filtered, _stamps
-from recorders import (
-    DEG,
-    OWN_OR_BESIDE,
-    REV,
-    RPM,
-    Column,
-    File,
-    Recorders,
-    _channel,
-    _commas,
-    _file,
-    _headers,
-    _kept,
-    _lines,
-    _other,
-    _same,
-    _still,
-    _table,
-    _text,
-    _white,
-    joint_run,
-)
+import recorder_files as rec
+from recorder_files import DEG, REV, RPM, Column, File, joint_run
 from scipy.io import savemat
-from unseen_recorders import NO_UNIT
 
-_recorder = Recorders()
+_recorder = rec.Recorders()
 
 
 # tools of drives
@@ -53,13 +31,13 @@ def maxon_recorder() -> File:
     demand = 100.0 * run["commanded_position"]
     demand += np.mean(run["motor_position"] - demand)
     columns = [
-        _channel(run, "time", "Time [ms]", "%.1f", 1e-3),
-        _other("Position Demand Value [inc]", demand / inc, "%.0f"),
-        _channel(run, "motor_position", "Position Actual Value [inc]", "%d", inc),
-        _channel(run, "motor_velocity", "Velocity Actual Value [rpm]", "%d", RPM),
-        _channel(run, "motor_current", "Current Actual Value [mA]", "%d", 1e-3),
-        _channel(run, "motor_torque", "Torque Actual Value [per mille]", "%d", 0.46e-3),
-        _channel(run, "supply_voltage", "Power Supply Voltage [V]", "%.1f"),
+        rec.channel(run, "time", "Time [ms]", "%.1f", 1e-3),
+        rec.other("Position Demand Value [inc]", demand / inc, "%.0f"),
+        rec.channel(run, "motor_position", "Position Actual Value [inc]", "%d", inc),
+        rec.channel(run, "motor_velocity", "Velocity Actual Value [rpm]", "%d", RPM),
+        rec.channel(run, "motor_current", "Current Actual Value [mA]", "%d", 1e-3),
+        rec.channel(run, "motor_torque", "Torque Actual Value [per mille]", "%d", 0.46e-3),
+        rec.channel(run, "supply_voltage", "Power Supply Voltage [V]", "%.1f"),
     ]
     head = [
         "Data Recorder;Node 3",
@@ -68,7 +46,7 @@ def maxon_recorder() -> File:
         "Gear reduction;100/1",
         "",
     ]
-    return _table(
+    return rec.table(
         "Recorder_Node3.csv",
         columns,
         ";",
@@ -92,15 +70,15 @@ def kollmorgen_scope() -> File:
     run = joint_run(302, 500.0, 8.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
     speed = -160.0 * np.gradient(run["commanded_position"], run["time"]) / RPM
     columns = [
-        _channel(run, "time", '"Time (ms)"', "%.3f", 1e-3),
-        _other('"VL.CMD (rpm)"', speed, "%.3f"),
-        _channel(run, "motor_velocity", '"VL.FB (rpm)"', "%.3f", -RPM),
-        _channel(run, "motor_position", '"PL.FB (deg)"', "%.3f", -DEG, wrap=360.0),
-        _channel(run, "output_position", '"FB2.P (deg)"', "%.5f", DEG),
-        _channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f", -1.0),
-        _channel(run, "supply_voltage", '"VBUS.VALUE (V)"', "%.1f"),
+        rec.channel(run, "time", '"Time (ms)"', "%.3f", 1e-3),
+        rec.other('"VL.CMD (rpm)"', speed, "%.3f"),
+        rec.channel(run, "motor_velocity", '"VL.FB (rpm)"', "%.3f", -RPM),
+        rec.channel(run, "motor_position", '"PL.FB (deg)"', "%.3f", -DEG, wrap=360.0),
+        rec.channel(run, "output_position", '"FB2.P (deg)"', "%.5f", DEG),
+        rec.channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f", -1.0),
+        rec.channel(run, "supply_voltage", '"VBUS.VALUE (V)"', "%.1f"),
     ]
-    return _table(
+    return rec.table(
         "Scope_2026-05-04.csv",
         columns,
         ",",
@@ -123,24 +101,24 @@ def odrive_script() -> File:
     rows = run["time"].size
     wanted = 50.0 * np.gradient(run["commanded_position"], run["time"]) / REV
     columns = [
-        _channel(run, "time", "time", "%.4f", start=0.0123),
-        _channel(run, "motor_position", "pos_estimate", "%.6f", REV),
-        _other("input_vel", wanted, "%.5f"),
-        _channel(run, "motor_velocity", "vel_estimate", "%.5f", REV),
-        _other("Iq_setpoint", run["motor_current"] + _white(303, 0.05, rows), "%.4f"),
-        _channel(run, "motor_current", "Iq_measured", "%.4f"),
-        _channel(run, "supply_voltage", "vbus_voltage", "%.3f"),
-        _other("fet_temp", 36.0 + _white(3031, 0.2, rows), "%.2f"),
-        _channel(run, "motor_temperature", "motor_temp", "%.2f"),
-        _channel(run, "output_position", "output_enc_deg", "%.4f", DEG),
+        rec.channel(run, "time", "time", "%.4f", start=0.0123),
+        rec.channel(run, "motor_position", "pos_estimate", "%.6f", REV),
+        rec.other("input_vel", wanted, "%.5f"),
+        rec.channel(run, "motor_velocity", "vel_estimate", "%.5f", REV),
+        rec.other("Iq_setpoint", run["motor_current"] + rec.white(303, 0.05, rows), "%.4f"),
+        rec.channel(run, "motor_current", "Iq_measured", "%.4f"),
+        rec.channel(run, "supply_voltage", "vbus_voltage", "%.3f"),
+        rec.other("fet_temp", 36.0 + rec.white(3031, 0.2, rows), "%.2f"),
+        rec.channel(run, "motor_temperature", "motor_temp", "%.2f"),
+        rec.channel(run, "output_position", "output_enc_deg", "%.4f", DEG),
     ]
-    return _table(
+    return rec.table(
         "odrive_log_axis0.csv",
         columns,
         ",",
         facts={"gear_ratio": 50},
         ambiguous=dict.fromkeys(
-            ("motor_position", "motor_velocity", "motor_current", "supply_voltage"), NO_UNIT
+            ("motor_position", "motor_velocity", "motor_current", "supply_voltage"), rec.NO_UNIT
         )
         | {"gear_ratio": "the motor's angle has no unit: turns are known from the maker alone"},
     )
@@ -153,16 +131,16 @@ def odrive_script() -> File:
 def servo_tool_trace() -> File:
     run = joint_run(304, 500.0, 7.0, ratio=161.0, motion="trapezoids", torque_constant=0.06)
     columns = [
-        _channel(run, "motor_velocity", "Feedback Speed [r/min]", "%d", -RPM),
-        _other("Torque Command [%]", -100.0 * run["motor_torque"] / 0.32, "%.0f"),
-        _channel(run, "motor_current", "Feedback Current [A]", "%.2f", -1.0),
-        _channel(run, "output_position", "Link-side encoder [deg]", "%.4f", DEG),
+        rec.channel(run, "motor_velocity", "Feedback Speed [r/min]", "%d", -RPM),
+        rec.other("Torque Command [%]", -100.0 * run["motor_torque"] / 0.32, "%.0f"),
+        rec.channel(run, "motor_current", "Feedback Current [A]", "%.2f", -1.0),
+        rec.channel(run, "output_position", "Link-side encoder [deg]", "%.4f", DEG),
     ]
     head = ["Waveform data", "Sampling period\t2 ms", "Reduction ratio\t161", "Points\t3500", ""]
     clock = Column("", [], "time", run["time"], 0.0)
-    return _file(
+    return rec.file(
         "wave0007.txt",
-        _text([*head, _headers(columns, "\t"), *_lines(columns, "\t")], "\r\n"),
+        rec.text([*head, rec.headers(columns, "\t"), *rec.lines(columns, "\t")], "\r\n"),
         [*columns, clock],
         facts={"gear_ratio": 161},
         ambiguous={"time": "no column: the sampling period is in the preamble"},
@@ -175,17 +153,17 @@ def servo_tool_trace() -> File:
 )
 def rexroth_oszilloskop() -> File:
     run = joint_run(305, 250.0, 12.0, ratio=120.0, motion="trapezoids", torque_constant=0.08)
-    run["motor_velocity"] = _filtered(run["motor_velocity"], 250.0, 8e-3)
+    run["motor_velocity"] = rec.filtered(run["motor_velocity"], 250.0, 8e-3)
     table = [
-        _channel(run, "time", "Zeit [s]", "%.3f"),
-        _channel(run, "commanded_position", "S-0-0047 Lagesollwert [Grad]", "%.4f", DEG),
-        _channel(run, "output_position", "S-0-0053 Lageistwert Geber 2 [Grad]", "%.4f", DEG),
-        _channel(run, "motor_velocity", "S-0-0040 Geschwindigkeitsistwert [1/min]", "%.2f", RPM),
-        _channel(run, "motor_torque", "S-0-0084 Drehmomentistwert [%]", "%.1f", 0.5e-2),
-        _channel(run, "motor_temperature", "S-0-0383 Motortemperatur [°C]", "%.1f"),
+        rec.channel(run, "time", "Zeit [s]", "%.3f"),
+        rec.channel(run, "commanded_position", "S-0-0047 Lagesollwert [Grad]", "%.4f", DEG),
+        rec.channel(run, "output_position", "S-0-0053 Lageistwert Geber 2 [Grad]", "%.4f", DEG),
+        rec.channel(run, "motor_velocity", "S-0-0040 Geschwindigkeitsistwert [1/min]", "%.2f", RPM),
+        rec.channel(run, "motor_torque", "S-0-0084 Drehmomentistwert [%]", "%.1f", 0.5e-2),
+        rec.channel(run, "motor_temperature", "S-0-0383 Motortemperatur [°C]", "%.1f"),
     ]
-    columns = _commas(table)
-    return _table(
+    columns = rec.commas(table)
+    return rec.table(
         "Oszi_Achse1.csv",
         columns,
         ";",
@@ -206,30 +184,30 @@ def rexroth_oszilloskop() -> File:
 def german_formelzeichen() -> File:
     run = joint_run(306, 200.0, 15.0, ratio=160.0, torque_constant=0.06)
     rows = run["time"].size
-    force = run["reference_torque"] / 0.4 + _white(306, 0.1, rows)
+    force = run["reference_torque"] / 0.4 + rec.white(306, 0.1, rows)
     table = [
-        (_channel(run, "time", "t", "%.3f"), "s"),
-        (_channel(run, "motor_position", "phi_mot", "%.2f", DEG), "°"),
-        (_channel(run, "output_position", "phi_out", "%.4f", DEG), "°"),
-        (_channel(run, "motor_velocity", "n_mot", "%.1f", RPM), "min-1"),
-        (_channel(run, "motor_torque", "M_an", "%.4f"), "Nm"),
-        (_channel(run, "reference_torque", "M_ab", "%.3f"), "Nm"),
-        (_other("F_Zelle", force, "%.2f"), "N"),
-        (_channel(run, "motor_current", "I_RMS", "%.3f"), "A"),
-        (_channel(run, "supply_voltage", "U_DC", "%.2f"), "V"),
-        (_channel(run, "motor_temperature", "T_mot", "%.1f"), "°C"),
-        (_other("T_amb", 22.4 + _white(3061, 0.05, rows), "%.1f"), "°C"),
+        (rec.channel(run, "time", "t", "%.3f"), "s"),
+        (rec.channel(run, "motor_position", "phi_mot", "%.2f", DEG), "°"),
+        (rec.channel(run, "output_position", "phi_out", "%.4f", DEG), "°"),
+        (rec.channel(run, "motor_velocity", "n_mot", "%.1f", RPM), "min-1"),
+        (rec.channel(run, "motor_torque", "M_an", "%.4f"), "Nm"),
+        (rec.channel(run, "reference_torque", "M_ab", "%.3f"), "Nm"),
+        (rec.other("F_Zelle", force, "%.2f"), "N"),
+        (rec.channel(run, "motor_current", "I_RMS", "%.3f"), "A"),
+        (rec.channel(run, "supply_voltage", "U_DC", "%.2f"), "V"),
+        (rec.channel(run, "motor_temperature", "T_mot", "%.1f"), "°C"),
+        (rec.other("T_amb", 22.4 + rec.white(3061, 0.05, rows), "%.1f"), "°C"),
     ]
-    columns = _commas([column for column, _ in table])
+    columns = rec.commas([column for column, _ in table])
     units = ";".join(unit for _, unit in table)
-    return _file(
+    return rec.file(
         "Messung_P4_03.asc",
-        _text([_headers(columns, ";"), units, *_lines(columns, ";")], "\r\n", "cp1252"),
+        rec.text([rec.headers(columns, ";"), units, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
         facts={"gear_ratio": 160},
         ambiguous={
             "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
-            "reference_torque": OWN_OR_BESIDE,
+            "reference_torque": rec.OWN_OR_BESIDE,
         },
     )
 
@@ -238,24 +216,24 @@ def german_formelzeichen() -> File:
 def student_short_names() -> File:
     run = joint_run(307, 100.0, 30.0, ratio=80.0, pace=0.8)
     columns = [
-        _channel(run, "time", "t", "%.2f"),
-        _channel(run, "output_position", "ang", "%.3f", DEG),
-        _channel(run, "motor_velocity", "spd", "%.1f", RPM),
-        _channel(run, "motor_current", "cur", "%.3f"),
-        _channel(run, "sensor_torque", "trq", "%.3f"),
-        _channel(run, "temperature", "tmp", "%.1f"),
+        rec.channel(run, "time", "t", "%.2f"),
+        rec.channel(run, "output_position", "ang", "%.3f", DEG),
+        rec.channel(run, "motor_velocity", "spd", "%.1f", RPM),
+        rec.channel(run, "motor_current", "cur", "%.3f"),
+        rec.channel(run, "sensor_torque", "trq", "%.3f"),
+        rec.channel(run, "temperature", "tmp", "%.1f"),
     ]
-    whose = NO_UNIT + ", nor on which side of the gear it is"
-    return _table(
+    whose = rec.NO_UNIT + ", nor on which side of the gear it is"
+    return rec.table(
         "test2_final.csv",
         columns,
         ",",
         ambiguous={
             "output_position": whose,
             "motor_velocity": whose,
-            "motor_current": NO_UNIT,
+            "motor_current": rec.NO_UNIT,
             "sensor_torque": whose,
-            "temperature": WHERE,
+            "temperature": rec.WHERE,
             "gear_ratio": "angle and speed without units are known to a factor alone",
         },
     )
@@ -282,7 +260,7 @@ def matlab_nested() -> File:
     return File(
         "log_0412.mat",
         content.getvalue(),
-        **_kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
+        **rec.kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
         facts={"gear_ratio": 101},
     )
 
@@ -315,7 +293,7 @@ def hdf5_frame() -> File:
     return File(
         "run_12.h5",
         buffer.getvalue(),
-        **_kept(run, steps | {"time": 2.0**-22, "temperature": 2.0**-43}),
+        **rec.kept(run, steps | {"time": 2.0**-22, "temperature": 2.0**-43}),
         facts={"gear_ratio": 50},
     )
 
@@ -327,7 +305,7 @@ def hdf5_frame() -> File:
 def ros_bag_csv() -> File:
     run = joint_run(310, 250.0, 12.0, ratio=100.0)
     rows = run["time"].size
-    columns = [_channel(run, "time", "__time", "%.6f", start=1_777_966_512.481_2)]
+    columns = [rec.channel(run, "time", "__time", "%.6f", start=1_777_966_512.481_2)]
     fields = {
         "joint_states/{}/position": ("output_position", 0.41),
         "joint_states/{}/velocity": ("output_velocity", 0.0),
@@ -336,16 +314,16 @@ def ros_bag_csv() -> File:
         "drive_states/{}/motor_current": ("motor_current", 3.4),
     }
     for k, (form, (channel, held)) in enumerate(fields.items()):
-        still = _still(3100 + k, held, rows)
-        columns.append(_other("/" + form.format("shoulder_joint"), still, "%.6f"))
-        columns.append(_channel(run, channel, "/" + form.format("elbow_joint"), "%.6f"))
+        still = rec.still(3100 + k, held, rows)
+        columns.append(rec.other("/" + form.format("shoulder_joint"), still, "%.6f"))
+        columns.append(rec.channel(run, channel, "/" + form.format("elbow_joint"), "%.6f"))
     channels = [channel for channel, _ in fields.values()]
-    return _table(
+    return rec.table(
         "bag_elbow_sweep.csv",
         columns,
         ",",
         facts={"gear_ratio": 100},
-        ambiguous=dict.fromkeys(channels, NO_UNIT)
+        ambiguous=dict.fromkeys(channels, rec.NO_UNIT)
         | {
             "sensor_torque": "an effort may be measured or made from the current; no unit",
             "gear_ratio": "that both angles have one unit is likely, but not stated",
@@ -360,24 +338,24 @@ def ros_bag_csv() -> File:
 def spanish_bench() -> File:
     run = joint_run(311, 100.0, 25.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
-    stamps, run["time"] = _stamps(run["time"], "2026-05-06T09:14:03.120", "ms")
+    stamps, run["time"] = rec.stamps(run["time"], "2026-05-06T09:14:03.120", "ms")
     clock = [stamp[11:] for stamp in stamps]
-    numbers = _commas(
+    numbers = rec.commas(
         [
-            _channel(run, "output_position", "Ángulo de salida (grados)", "%.4f", DEG),
-            _channel(run, "motor_position", "Ángulo del motor (grados)", "%.2f", DEG),
-            _channel(run, "motor_velocity", "Velocidad del motor (rpm)", "%.1f", RPM),
-            _channel(run, "motor_current", "Corriente del motor (A)", "%.3f"),
-            _channel(run, "sensor_torque", "Sensor de par (N·m)", "%.3f", -1.0),
-            _channel(run, "temperature", "Temperatura reductor (°C)", "%.1f"),
+            rec.channel(run, "output_position", "Ángulo de salida (grados)", "%.4f", DEG),
+            rec.channel(run, "motor_position", "Ángulo del motor (grados)", "%.2f", DEG),
+            rec.channel(run, "motor_velocity", "Velocidad del motor (rpm)", "%.1f", RPM),
+            rec.channel(run, "motor_current", "Corriente del motor (A)", "%.3f"),
+            rec.channel(run, "sensor_torque", "Sensor de par (N·m)", "%.3f", -1.0),
+            rec.channel(run, "temperature", "Temperatura reductor (°C)", "%.1f"),
         ]
     )
     columns = [
         Column("Hora", clock, "time", run["time"], 1e-3),
         *numbers,
-        _same("Observaciones", "ok", rows),
+        rec.same("Observaciones", "ok", rows),
     ]
-    return _table(
+    return rec.table(
         "ensayo_reductor_80.csv",
         columns,
         ";",
@@ -395,15 +373,15 @@ def chinese_test_stand() -> File:
     run = joint_run(312, 200.0, 14.0, ratio=120.0, torque_constant=0.08)
     rows = run["time"].size
     columns = [
-        _other("序号", range(1, rows + 1), "%d"),
-        _channel(run, "time", "时间（ms）", "%d", 1e-3, start=20_415),
-        _channel(run, "output_position", "输出端角度（°）", "%.4f", DEG),
-        _channel(run, "motor_velocity", "电机转速（rpm）", "%.1f", -RPM),
-        _channel(run, "motor_current", "电机电流（mA）", "%d", -1e-3),
-        _channel(run, "sensor_torque", "关节力矩传感器（N·m）", "%.3f"),
-        _channel(run, "motor_temperature", "电机温度（℃）", "%.1f"),
+        rec.other("序号", range(1, rows + 1), "%d"),
+        rec.channel(run, "time", "时间（ms）", "%d", 1e-3, start=20_415),
+        rec.channel(run, "output_position", "输出端角度（°）", "%.4f", DEG),
+        rec.channel(run, "motor_velocity", "电机转速（rpm）", "%.1f", -RPM),
+        rec.channel(run, "motor_current", "电机电流（mA）", "%d", -1e-3),
+        rec.channel(run, "sensor_torque", "关节力矩传感器（N·m）", "%.3f"),
+        rec.channel(run, "motor_temperature", "电机温度（℃）", "%.1f"),
     ]
-    return _table(
+    return rec.table(
         "关节测试_05.csv",
         columns,
         ",",

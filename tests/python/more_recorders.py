@@ -11,32 +11,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from recorders import (
-    DEG,
-    OWN_OR_BESIDE,
-    REV,
-    RPM,
-    Array,
-    Column,
-    File,
-    Recorders,
-    _channel,
-    _commas,
-    _file,
-    _headers,
-    _kept,
-    _lines,
-    _other,
-    _same,
-    _table,
-    _text,
-    _white,
-    joint_run,
-)
+import recorder_files as rec
+from recorder_files import DEG, REV, RPM, Array, Column, File, joint_run
 
-WHERE = "a temperature: of the motor, the joint or the room is not said"
-
-_recorder = Recorders()
+_recorder = rec.Recorders()
 
 
 def _rows(run: Mapping[str, Array], keep: Array | slice) -> dict[str, Array]:
@@ -61,25 +39,6 @@ def _worded(column: Column, word: str) -> Column:
     return Column(column.header, cells, column.channel, column.truth, column.step)
 
 
-def _stamps(time: Array, start: str, timespec: str) -> tuple[list[str], Array]:
-    """Words of a calendar clock for `time`, to ms or ns, and the time that they say."""
-    unit = {"ms": 1e-3, "ns": 1e-9}[timespec]
-    ticks = np.rint(time / unit).astype(np.int64)
-    moments = np.datetime64(start, timespec) + ticks.astype(f"timedelta64[{timespec}]")
-    return np.datetime_as_string(moments).tolist(), (ticks - ticks[0]) * unit
-
-
-def _filtered(values: Array, rate: float, constant: float) -> Array:
-    """A first-order low pass, as a drive smooths its velocity."""
-    share = 1.0 / (1.0 + rate * constant)
-    smooth = np.empty_like(values)
-    last = values[0]
-    for row, value in enumerate(values.tolist()):
-        last += share * (value - last)
-        smooth[row] = last
-    return smooth
-
-
 # robots and data bases
 
 
@@ -93,7 +52,7 @@ def doosan_rt() -> File:
     ratio = 100.0
     run = joint_run(31, 1000.0, 3.0, ratio=ratio, motion="trapezoids", torque_constant=0.12)
     rows = run["time"].size
-    estimate = run["reference_torque"] + _white(31, 0.4, rows)
+    estimate = run["reference_torque"] + rec.white(31, 0.4, rows)
     moving: dict[str, tuple[str, float, float]] = {
         "actual_joint_position": ("motor_position", ratio * DEG, 30.0),
         "actual_joint_position_abs": ("output_position", DEG, 30.0),
@@ -104,19 +63,21 @@ def doosan_rt() -> File:
         "raw_joint_torque": ("sensor_torque", 1.0, -3.2),
         "target_joint_position": ("commanded_position", DEG, 30.0),
     }
-    columns = [_channel(run, "time", "time_stamp", "%.3f", start=8134.211)]
+    columns = [rec.channel(run, "time", "time_stamp", "%.3f", start=8134.211)]
     for k, (name, (channel, unit, held)) in enumerate(moving.items()):
         for joint in range(6):
             header = f"{name}[{joint}]"
             if joint != 2:
-                columns.append(_other(header, held + _white(10 * k + joint, 1e-3, rows), "%.6f"))
+                columns.append(
+                    rec.other(header, held + rec.white(10 * k + joint, 1e-3, rows), "%.6f")
+                )
             elif channel:
-                columns.append(_channel(run, channel, header, "%.6f", unit))
+                columns.append(rec.channel(run, channel, header, "%.6f", unit))
             else:
-                columns.append(_other(header, estimate, "%.6f"))
-    columns += [_same("robot_mode", "1", rows), _same("robot_state", "2", rows)]
+                columns.append(rec.other(header, estimate, "%.6f"))
+    columns += [rec.same("robot_mode", "1", rows), rec.same("robot_state", "2", rows)]
     at_output = "said at the output: the motor's own needs a ratio that is not in the file"
-    return _table(
+    return rec.table(
         "rt_output_j3.csv",
         columns,
         ",",
@@ -142,35 +103,35 @@ def influx_annotated() -> File:
     run = joint_run(32, 200.0, 15.0, ratio=160.0, motion="sines")
     rows = run["time"].size
     late = np.random.default_rng(32).exponential(4e-4, rows)
-    moments, run["time"] = _stamps(run["time"] + late, "2026-02-11T08:14:07.250", "ns")
+    moments, run["time"] = rec.stamps(run["time"] + late, "2026-02-11T08:14:07.250", "ns")
     stamps = [_trimmed(moment) for moment in moments]
-    slow = _channel(run, "temperature", "t_housing_c", "%.2f")
+    slow = rec.channel(run, "temperature", "t_housing_c", "%.2f")
     table = [
-        (_same("result", "", rows), "string", False),
-        (_same("table", "0", rows), "long", False),
-        (_same("_start", "2026-02-11T08:14:00Z", rows), "dateTime:RFC3339", True),
-        (_same("_stop", "2026-02-11T08:15:00Z", rows), "dateTime:RFC3339", True),
+        (rec.same("result", "", rows), "string", False),
+        (rec.same("table", "0", rows), "long", False),
+        (rec.same("_start", "2026-02-11T08:14:00Z", rows), "dateTime:RFC3339", True),
+        (rec.same("_stop", "2026-02-11T08:15:00Z", rows), "dateTime:RFC3339", True),
         (Column("_time", stamps, "time", run["time"], 1e-9), "dateTime:RFC3339", False),
-        (_same("_measurement", "joint_state", rows), "string", True),
-        (_same("joint", "J2", rows), "string", True),
-        (_channel(run, "motor_current", "iq_a", "%r"), "double", False),
-        (_channel(run, "motor_position", "motor_pos_deg", "%r", DEG), "double", False),
-        (_channel(run, "output_position", "output_pos_deg", "%r", DEG), "double", False),
-        (_channel(run, "output_velocity", "output_vel_degs", "%r", DEG), "double", False),
+        (rec.same("_measurement", "joint_state", rows), "string", True),
+        (rec.same("joint", "J2", rows), "string", True),
+        (rec.channel(run, "motor_current", "iq_a", "%r"), "double", False),
+        (rec.channel(run, "motor_position", "motor_pos_deg", "%r", DEG), "double", False),
+        (rec.channel(run, "output_position", "output_pos_deg", "%r", DEG), "double", False),
+        (rec.channel(run, "output_velocity", "output_vel_degs", "%r", DEG), "double", False),
         (_holes(slow, np.flatnonzero(np.arange(rows) % 200), ""), "double", False),
-        (_channel(run, "sensor_torque", "tau_nm", "%r"), "double", False),
+        (rec.channel(run, "sensor_torque", "tau_nm", "%r"), "double", False),
     ]
     columns = [column for column, _, _ in table]
     head = [
         "#group," + ",".join("true" if grouped else "false" for _, _, grouped in table),
         "#datatype," + ",".join(kind for _, kind, _ in table),
         "#default,_result" + "," * (len(table) - 1),
-        "," + _headers(columns, ","),
+        "," + rec.headers(columns, ","),
     ]
-    lines = ["," + line for line in _lines(columns, ",")]
-    return _file(
+    lines = ["," + line for line in rec.lines(columns, ",")]
+    return rec.file(
         "2026-02-11-08-15_chronograf_data.csv",
-        _text([*head, *lines, ""], "\r\n"),
+        rec.text([*head, *lines, ""], "\r\n"),
         columns,
         facts={"gear_ratio": 160},
         ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
@@ -191,22 +152,22 @@ def _trimmed(stamp: str) -> str:
 )
 def grafana_formatted() -> File:
     run = joint_run(33, 50.0, 60.0, ratio=100.0, motion="sines", pace=0.8)
-    moments, run["time"] = _stamps(run["time"], "2026-01-21T14:03:11.020", "ms")
+    moments, run["time"] = rec.stamps(run["time"], "2026-01-21T14:03:11.020", "ms")
     stamps = [moment.replace("T", " ") for moment in moments]
     current = [_prefixed(x, "A") for x in run["motor_current"].tolist()]
     torque = [_prefixed(x, "Nm") for x in run["sensor_torque"].tolist()]
     columns = [
         Column('"Time"', stamps, "time", run["time"], 1e-3),
-        _worded(_channel(run, "output_position", '"joint angle"', "%.2f", DEG), "°"),
-        _worded(_channel(run, "motor_velocity", '"motor speed"', "%.1f", RPM), "rpm"),
+        _worded(rec.channel(run, "output_position", '"joint angle"', "%.2f", DEG), "°"),
+        _worded(rec.channel(run, "motor_velocity", '"motor speed"', "%.1f", RPM), "rpm"),
         Column('"motor current"', current, "motor_current", run["motor_current"], 0.01),
         Column('"joint torque"', torque, "sensor_torque", run["sensor_torque"], 0.01),
-        _worded(_channel(run, "temperature", '"housing temperature"', "%.1f"), "°C"),
+        _worded(rec.channel(run, "temperature", '"housing temperature"', "%.1f"), "°C"),
     ]
-    lines = ["sep=,", _headers(columns, ","), *_lines(columns, ",")]
-    return _file(
+    lines = ["sep=,", rec.headers(columns, ","), *rec.lines(columns, ",")]
+    return rec.file(
         "Joint test-data-2026-01-21 15_04_48.csv",
-        _text(lines, "\r\n", "utf-8-sig"),
+        rec.text(lines, "\r\n", "utf-8-sig"),
         columns,
         facts={"gear_ratio": 100},
         ambiguous={
@@ -254,10 +215,10 @@ def json_lines() -> File:
     steps = {"time": 1e-6} | dict.fromkeys(names.values(), 1e-6)
     return File(
         "elbow_telemetry.jsonl",
-        _text(lines),
-        **_kept(run, steps),
+        rec.text(lines),
+        **rec.kept(run, steps),
         facts={"gear_ratio": 80},
-        ambiguous={"temperature": WHERE},
+        ambiguous={"temperature": rec.WHERE},
     )
 
 
@@ -275,17 +236,21 @@ def matlab_timetable() -> File:
     rows = run["time"].size
     lost = np.flatnonzero(np.random.default_rng(35).random(rows) < 0.003)
     columns = [
-        _worded(_channel(run, "time", "Time", "%.5g"), "sec"),
-        _channel(run, "output_position", "phi_out", "%.15g"),
-        _channel(run, "motor_position", "phi_mot", "%.15g"),
-        _channel(run, "motor_velocity", "omega_mot", "%.15g"),
-        _channel(run, "motor_current", "i_q", "%.15g"),
-        _holes(_channel(run, "sensor_torque", "tau_jts", "%.15g"), lost, "NaN"),
-        _other("acc_1", 0.3 * run["output_velocity"] + _white(35, 0.05, rows), "%.15g"),
-        _other("acc_2", 9.81 * np.sin(run["output_position"]) + _white(36, 0.05, rows), "%.15g"),
-        _other("acc_3", 9.81 * np.cos(run["output_position"]) + _white(37, 0.05, rows), "%.15g"),
+        _worded(rec.channel(run, "time", "Time", "%.5g"), "sec"),
+        rec.channel(run, "output_position", "phi_out", "%.15g"),
+        rec.channel(run, "motor_position", "phi_mot", "%.15g"),
+        rec.channel(run, "motor_velocity", "omega_mot", "%.15g"),
+        rec.channel(run, "motor_current", "i_q", "%.15g"),
+        _holes(rec.channel(run, "sensor_torque", "tau_jts", "%.15g"), lost, "NaN"),
+        rec.other("acc_1", 0.3 * run["output_velocity"] + rec.white(35, 0.05, rows), "%.15g"),
+        rec.other(
+            "acc_2", 9.81 * np.sin(run["output_position"]) + rec.white(36, 0.05, rows), "%.15g"
+        ),
+        rec.other(
+            "acc_3", 9.81 * np.cos(run["output_position"]) + rec.white(37, 0.05, rows), "%.15g"
+        ),
     ]
-    return _table(
+    return rec.table(
         "TT.csv",
         columns,
         ",",
@@ -316,20 +281,20 @@ def octave_text() -> File:
         "iq_A": ("motor_current", 1.0),
         "tau_Nm": ("sensor_torque", 1.0),
     }
-    columns = [_channel(run, c, name, "%.17g", unit) for name, (c, unit) in labels.items()]
+    columns = [rec.channel(run, c, name, "%.17g", unit) for name, (c, unit) in labels.items()]
     lines = ["# Created by Octave 6.4.0, Tue Feb 10 09:31:12 2026 CET <mk@rig2>"]
     lines += ["# name: N", "# type: scalar", "100", "", ""]
     lines += ["# name: data", "# type: matrix", f"# rows: {run['time'].size}"]
-    lines += [f"# columns: {len(columns)}", *[" " + row for row in _lines(columns, " ")], "", ""]
+    lines += [f"# columns: {len(columns)}", *[" " + row for row in rec.lines(columns, " ")], "", ""]
     lines += ["# name: joint", *_octave_string("J4")]
     lines += ["# name: kt", "# type: scalar", "0.10000000000000001", "", ""]
     lines += ["# name: labels", "# type: cell", "# rows: 1", f"# columns: {len(labels)}"]
     for name in labels:
         lines += ["# name: <cell-element>", *_octave_string(name)]
     lines += ["", "", ""]
-    return _file(
+    return rec.file(
         "run36.txt",
-        _text(lines),
+        rec.text(lines),
         columns,
         facts={"gear_ratio": 100, "torque_constant": 0.1},
         ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
@@ -357,21 +322,21 @@ def r_write_csv() -> File:
     lost = np.flatnonzero(random.random(rows) < 0.004)
     columns = [
         Column('""', [f'"{row + 1}"' for row in there.tolist()]),
-        _channel(run, "time", '"Time..s."', "%.15g", start=0.005 * float(there[0])),
-        _channel(run, "output_position", '"Output.angle..deg."', "%.15g", DEG),
-        _channel(run, "motor_velocity", '"Motor.speed..1.min."', "%.15g", RPM),
-        _channel(run, "motor_current", '"Motor.current..A."', "%.15g"),
-        _holes(_channel(run, "sensor_torque", '"Sensor.torque..N.m."', "%.15g"), lost, "NA"),
-        _channel(run, "temperature", '"Temp...C."', "%.15g"),
+        rec.channel(run, "time", '"Time..s."', "%.15g", start=0.005 * float(there[0])),
+        rec.channel(run, "output_position", '"Output.angle..deg."', "%.15g", DEG),
+        rec.channel(run, "motor_velocity", '"Motor.speed..1.min."', "%.15g", RPM),
+        rec.channel(run, "motor_current", '"Motor.current..A."', "%.15g"),
+        _holes(rec.channel(run, "sensor_torque", '"Sensor.torque..N.m."', "%.15g"), lost, "NA"),
+        rec.channel(run, "temperature", '"Temp...C."', "%.15g"),
         Column('"Servo.on"', on, "enabled", run["enabled"], 0.0),
-        _same('"Operator"', '"J. Müller"', rows),
+        rec.same('"Operator"', '"J. Müller"', rows),
     ]
-    return _table(
+    return rec.table(
         "clean_run37.csv",
         columns,
         ",",
         facts={"gear_ratio": 50},
-        ambiguous={"temperature": WHERE},
+        ambiguous={"temperature": rec.WHERE},
     )
 
 
@@ -400,10 +365,10 @@ def pandas_multiindex() -> File:
     return File(
         "joint_38_wide.csv",
         frame.to_csv(lineterminator="\n").encode(),
-        **_kept(run, dict.fromkeys(names.split(), 0.0)),
+        **rec.kept(run, dict.fromkeys(names.split(), 0.0)),
         facts={"gear_ratio": 160},
         ambiguous={
-            "sensor_torque": OWN_OR_BESIDE,
+            "sensor_torque": rec.OWN_OR_BESIDE,
         },
         wraps={"output_position": REV},
     )
@@ -424,26 +389,28 @@ def fortran_blocks() -> File:
         "I": ("motor_current", 1.0, "A", -0.4),
         "M": ("sensor_torque", -1.0, "NM", 2.2),
     }
-    columns, units = [_channel(run, "time", "T", "%16.8E", start=0.002)], ["S"]
+    columns, units = [rec.channel(run, "time", "T", "%16.8E", start=0.002)], ["S"]
     for joint in (1, 2, 3):
         for k, (kind, (channel, unit, word, held)) in enumerate(kinds.items()):
             header = f"{kind}{joint}"
             if joint == 2:
-                columns.append(_channel(run, channel, header, "%16.8E", unit))
+                columns.append(rec.channel(run, channel, header, "%16.8E", unit))
             else:
-                columns.append(_other(header, held + _white(10 * k + joint, 1e-3, rows), "%16.8E"))
+                columns.append(
+                    rec.other(header, held + rec.white(10 * k + joint, 1e-3, rows), "%16.8E")
+                )
             units.append(word)
     for k, (axis, level) in enumerate({"AX": 0.1, "AY": 0.2, "AZ": -9.79}.items()):
-        columns.append(_other(axis, level + _white(90 + k, 0.02, rows), "%16.8E"))
+        columns.append(rec.other(axis, level + rec.white(90 + k, 0.02, rows), "%16.8E"))
         units.append("M/S**2")
     head = [
         f" JOINT RIG   RUN 0042   NPTS = {rows:6d}   NCOL = {len(columns):3d}",
         "".join(f"{column.header:>16}" for column in columns),
         "".join(f"{'(' + unit + ')':>16}" for unit in units),
     ]
-    return _file(
+    return rec.file(
         "RUN0042.DAT",
-        _text([*head, *[line.replace("E", "D") for line in _lines(columns, "")]]),
+        rec.text([*head, *[line.replace("E", "D") for line in rec.lines(columns, "")]]),
         columns,
         facts={"gear_ratio": 100},
         ambiguous={"sensor_torque": "M may be that of the motor or that of the joint's sensor"},
@@ -481,9 +448,9 @@ def rigol_ds1000z() -> File:
         "Sequence,Volt,Volt,-1.500000e-01,1.000000e-04",
     ]
     unnamed = "an input without a name, and volts of "
-    return _file(
+    return rec.file(
         "NewFile4.csv",
-        _text([*head, *_lines(columns, ",", ",")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, ",", ",")], "\r\n"),
         columns,
         ambiguous={
             "motor_current": unnamed + "a current probe: 0.1 V/A is not in the file",
@@ -502,32 +469,32 @@ def rigol_ds1000z() -> File:
 def graphtec_gl240() -> File:
     run = joint_run(41, 100.0, 30.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
-    moments, run["time"] = _stamps(run["time"], "2026-03-04T10:12:58.000", "ms")
+    moments, run["time"] = rec.stamps(run["time"], "2026-03-04T10:12:58.000", "ms")
     clock = [moment[:-4].replace("T", " ").replace("-", "/") for moment in moments]
     over = np.flatnonzero(np.abs(run["motor_current"]) > np.quantile(run["motor_current"], 0.995))
     signals = [
-        (_channel(run, "output_position", "OUTPUT ANGLE", "%+.2f", DEG), "DC", "10V", "deg"),
-        (_channel(run, "motor_velocity", "MOTOR SPEED", "%+.1f", RPM), "DC", "10V", "rpm"),
+        (rec.channel(run, "output_position", "OUTPUT ANGLE", "%+.2f", DEG), "DC", "10V", "deg"),
+        (rec.channel(run, "motor_velocity", "MOTOR SPEED", "%+.1f", RPM), "DC", "10V", "rpm"),
         (
-            _holes(_channel(run, "motor_current", "MOTOR CURR", "%+.3f"), over, "+++++++"),
+            _holes(rec.channel(run, "motor_current", "MOTOR CURR", "%+.3f"), over, "+++++++"),
             "DC",
             "5V",
             "A",
         ),
-        (_channel(run, "reference_torque", "TORQUE FLANGE", "%+.2f"), "DC", "10V", "Nm"),
-        (_channel(run, "temperature", "HOUSING", "%+.1f"), "TEMP", "TC_K", "degC"),
+        (rec.channel(run, "reference_torque", "TORQUE FLANGE", "%+.2f"), "DC", "10V", "Nm"),
+        (rec.channel(run, "temperature", "HOUSING", "%+.1f"), "TEMP", "TC_K", "degC"),
     ]
     inputs = [f"CH{k}" for k in range(1, len(signals) + 1)]
     columns = [
-        _other("Number", range(1, rows + 1), "%10d"),
+        rec.other("Number", range(1, rows + 1), "%10d"),
         Column("Date&Time", clock, "time", run["time"], 1e-3),
-        _other("ms", [int(moment[-3:]) for moment in moments], "%3d"),
+        rec.other("ms", [int(moment[-3:]) for moment in moments], "%3d"),
         *[
             Column(name, _padded(c.cells), c.channel, c.truth, c.step)
             for name, (c, _, _, _) in zip(inputs, signals, strict=True)
         ],
-        _same("Alarm1-10", "LLLLLLLLLL", rows),
-        _same("AlarmOut", "LLLL", rows),
+        rec.same("Alarm1-10", "LLLLLLLLLL", rows),
+        rec.same("AlarmOut", "LLLL", rows),
     ]
     head = [
         'Vendor,"GRAPHTEC Corporation"',
@@ -547,15 +514,15 @@ def graphtec_gl240() -> File:
         ],
         "Logic/Pulse,Off",
         "Data",
-        _headers(columns, ","),
+        rec.headers(columns, ","),
         'NO.,Time,ms,"deg","rpm","A","Nm","degC","A1234567890","AO1234"',
     ]
-    return _file(
+    return rec.file(
         "260304-101258.CSV",
-        _text([*head, *_lines(columns, ",")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, ",")], "\r\n"),
         columns,
         facts={"gear_ratio": 80},
-        ambiguous={"reference_torque": OWN_OR_BESIDE},
+        ambiguous={"reference_torque": rec.OWN_OR_BESIDE},
     )
 
 
@@ -575,10 +542,10 @@ def french_bench() -> File:
     run["output_position"] = run["output_position"] - run["output_position"][0]
     rows = run["time"].size
     speed = [f"{x:,.1f}".replace(",", "\xa0") for x in (run["motor_velocity"] / RPM).tolist()]
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "Temps (s)", "%.2f", start=13.0),
-            _channel(run, "output_position", "Angle sortie (°)", "%.3f", DEG),
+            rec.channel(run, "time", "Temps (s)", "%.2f", start=13.0),
+            rec.channel(run, "output_position", "Angle sortie (°)", "%.3f", DEG),
             Column(
                 "Vitesse moteur (tr/min)",
                 speed,
@@ -586,14 +553,14 @@ def french_bench() -> File:
                 run["motor_velocity"],
                 0.1 * RPM,
             ),
-            _channel(run, "motor_current", "Courant (A)", "%.3f"),
-            _channel(run, "sensor_torque", "Couple (N.m)", "%.2f"),
-            _channel(run, "temperature", "Température (°C)", "%.1f"),
-            _same("État", "Marche", rows),
+            rec.channel(run, "motor_current", "Courant (A)", "%.3f"),
+            rec.channel(run, "sensor_torque", "Couple (N.m)", "%.2f"),
+            rec.channel(run, "temperature", "Température (°C)", "%.1f"),
+            rec.same("État", "Marche", rows),
         ]
     )
     head = ["Banc d'essai réducteur n° 2", "Essai à vitesse constante, rapport 100", ""]
-    return _table(
+    return rec.table(
         "Essai réducteur 17.csv",
         columns,
         ";",
@@ -603,7 +570,7 @@ def french_bench() -> File:
         facts={"gear_ratio": 100},
         ambiguous={
             "sensor_torque": "Couple may be that of the motor, of the joint's sensor or of another",
-            "temperature": WHERE,
+            "temperature": rec.WHERE,
         },
     )
 
@@ -620,20 +587,20 @@ def russian_cp1251() -> File:
     whole["time"] = ms * 1e-3
     run = _rows(whole, np.flatnonzero(random.random(3200) > 0.03))
     rows = run["time"].size
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "Время, мс", "%d", 1e-3, start=1204),
-            _channel(run, "output_position", "Угол выхода, град", "%.4f", DEG),
-            _channel(run, "motor_position", "Угол двигателя, град", "%.2f", -DEG),
-            _channel(run, "motor_velocity", "Скорость двигателя, об/мин", "%.1f", -RPM),
-            _channel(run, "motor_current", "Ток, А", "%.3f", -1.0),
-            _channel(run, "sensor_torque", "Момент датчика, Н·м", "%.3f"),
-            _channel(run, "temperature", "Температура, °C", "%.1f"),
-            _same("Примечание", "", rows),
+            rec.channel(run, "time", "Время, мс", "%d", 1e-3, start=1204),
+            rec.channel(run, "output_position", "Угол выхода, град", "%.4f", DEG),
+            rec.channel(run, "motor_position", "Угол двигателя, град", "%.2f", -DEG),
+            rec.channel(run, "motor_velocity", "Скорость двигателя, об/мин", "%.1f", -RPM),
+            rec.channel(run, "motor_current", "Ток, А", "%.3f", -1.0),
+            rec.channel(run, "sensor_torque", "Момент датчика, Н·м", "%.3f"),
+            rec.channel(run, "temperature", "Температура, °C", "%.1f"),
+            rec.same("Примечание", "", rows),
         ]
     )
     head = ["Стенд СВП-3", "Дата: 11.02.2026 15:40", "Передаточное отношение i = 100", ""]
-    return _table(
+    return rec.table(
         "Испытание_43.txt",
         columns,
         ";",
@@ -641,7 +608,7 @@ def russian_cp1251() -> File:
         "cp1251",
         head=head,
         facts={"gear_ratio": 100},
-        ambiguous={"temperature": WHERE},
+        ambiguous={"temperature": rec.WHERE},
     )
 
 
@@ -654,14 +621,14 @@ def chinese_gbk() -> File:
     run = joint_run(44, 500.0, 6.0, ratio=121.0, motion="trapezoids")
     rows = run["time"].size
     columns = [
-        _other("序号", range(1, rows + 1)),
-        _channel(run, "time", "时间(ms)", "%d", 1e-3),
-        _channel(run, "motor_position", "电机位置(脉冲)", "%d", REV / 2**17),
-        _channel(run, "output_position", "输出端位置(脉冲)", "%d", REV / 2**19),
-        _channel(run, "motor_velocity", "电机转速(rpm)", "%.1f", RPM),
-        _channel(run, "motor_current", "电机电流(A)", "%.3f"),
-        _channel(run, "sensor_torque", "关节扭矩(N·m)", "%.2f"),
-        _channel(run, "temperature", "温度(℃)", "%.1f"),
+        rec.other("序号", range(1, rows + 1)),
+        rec.channel(run, "time", "时间(ms)", "%d", 1e-3),
+        rec.channel(run, "motor_position", "电机位置(脉冲)", "%d", REV / 2**17),
+        rec.channel(run, "output_position", "输出端位置(脉冲)", "%d", REV / 2**19),
+        rec.channel(run, "motor_velocity", "电机转速(rpm)", "%.1f", RPM),
+        rec.channel(run, "motor_current", "电机电流(A)", "%.3f"),
+        rec.channel(run, "sensor_torque", "关节扭矩(N·m)", "%.2f"),
+        rec.channel(run, "temperature", "温度(℃)", "%.1f"),
     ]
     head = [
         "谐波关节测试系统 V2.1",
@@ -672,7 +639,7 @@ def chinese_gbk() -> File:
         "",
     ]
     counts = "counts: the resolution stands in the preamble alone"
-    return _table(
+    return rec.table(
         "关节测试数据.csv",
         columns,
         ",",
@@ -685,7 +652,7 @@ def chinese_gbk() -> File:
             "output_position": counts,
             "gear_ratio": "121 turns by the counts; the preamble gives the 120 of the gear",
             "sensor_torque": "a joint's torque, of its own sensor or of one at the output",
-            "temperature": WHERE,
+            "temperature": rec.WHERE,
         },
     )
 
@@ -697,18 +664,18 @@ def chinese_gbk() -> File:
 )
 def polish_drive() -> File:
     run = joint_run(45, 1000.0, 4.0, ratio=80.0, motion="trapezoids")
-    run["motor_velocity"] = _filtered(run["motor_velocity"], 1000.0, 5e-3)
+    run["motor_velocity"] = rec.filtered(run["motor_velocity"], 1000.0, 5e-3)
     rows = run["time"].size
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "Czas [ms]", "%.1f", 1e-3),
-            _channel(run, "output_position", "Położenie wału [°]", "%.4f", DEG),
-            _channel(run, "motor_velocity", "Prędkość silnika [obr/min]", "%.1f", -RPM),
-            _channel(run, "motor_torque", "Moment silnika [% Mn]", "%.2f", -0.64e-2),
-            _channel(run, "motor_current", "Prąd silnika [A RMS]", "%.3f", -1.0),
-            _channel(run, "supply_voltage", "Napięcie DC [V]", "%.1f"),
-            _channel(run, "motor_temperature", "Temperatura silnika [°C]", "%.1f"),
-            _same("Słowo stanu", "16#0637", rows),
+            rec.channel(run, "time", "Czas [ms]", "%.1f", 1e-3),
+            rec.channel(run, "output_position", "Położenie wału [°]", "%.4f", DEG),
+            rec.channel(run, "motor_velocity", "Prędkość silnika [obr/min]", "%.1f", -RPM),
+            rec.channel(run, "motor_torque", "Moment silnika [% Mn]", "%.2f", -0.64e-2),
+            rec.channel(run, "motor_current", "Prąd silnika [A RMS]", "%.3f", -1.0),
+            rec.channel(run, "supply_voltage", "Napięcie DC [V]", "%.1f"),
+            rec.channel(run, "motor_temperature", "Temperatura silnika [°C]", "%.1f"),
+            rec.same("Słowo stanu", "16#0637", rows),
         ]
     )
     head = [
@@ -719,7 +686,7 @@ def polish_drive() -> File:
         "Filtr prędkości [ms];5",
         "",
     ]
-    return _table(
+    return rec.table(
         "przebieg_45.csv",
         columns,
         ";",

@@ -13,349 +13,17 @@ from __future__ import annotations
 import io
 import json
 import lzma
-import math
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
+from collections.abc import Iterable
 
 import h5py
 import measured
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+import recorder_files as rec
+from recorder_files import DEG, KELVIN, KGF_CM, LBF_IN, REV, RPM, Array, Column, File, joint_run
 from scipy.io import savemat
 
-Array = NDArray[np.float64]
-
-DEG = math.pi / 180.0  # rad
-REV = 2.0 * math.pi  # rad
-RPM = REV / 60.0  # rad/s
-LBF_IN = 0.3048 / 12.0 * 0.45359237 * 9.80665  # Nm
-KGF_CM = 0.0980665  # Nm
-KELVIN = -273.15  # °C at 0 K
-OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
-
-
-# the joint
-
-
-def joint_run(
-    seed: int,
-    rate: float,
-    seconds: float,
-    *,
-    ratio: float = 100.0,
-    motion: str = "sines",
-    amplitude: float = 1.0,
-    pace: float = 1.0,
-    torque_constant: float = 0.1,
-    from_zero: bool = False,
-) -> dict[str, Array]:
-    """One run of a joint under gravity, in SI units and with the signs of the package.
-
-    Parameters
-    ----------
-    seed : int
-        Of everything that is drawn.
-    rate : float
-        Rows per second.
-    seconds : float
-        Length of the run.
-    ratio : float
-        Turns of the motor for one turn of the output.
-    motion : {"sines", "trapezoids"}
-        Sum of three sines, or moves between two angles with rests.
-    amplitude : float
-        Of the output [rad].
-    pace : float
-        A motion `pace` times as fast.
-    torque_constant : float
-        Nm/A.
-    from_zero : bool
-        The motor's encoder counts from where it was switched on, not from the output's zero.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (N,)
-        By the names of the channels; noise in every one but `time` and `commanded_position`.
-    """
-    rng = np.random.default_rng([seed, 2026])
-    time = np.arange(round(rate * seconds)) / rate
-    course = {"sines": _sines, "trapezoids": _trapezoids}[motion]
-    q, dq, ddq = course(rng, time * pace, amplitude)
-    dq, ddq = dq * pace, ddq * pace**2
-    load = 1.2 * ddq + 18.0 * np.sin(q)  # Nm: a link of 1.2 kg m² and 18 Nm
-    friction = (3.0 + 1.5 * np.exp(-((dq / 0.15) ** 2))) * np.tanh(dq / 0.01) + 4.0 * dq
-    torque = (load + 0.9 * ddq + friction) / ratio  # Nm at the motor shaft, its rotor 0.9 kg m²
-    theta = ratio * (q + load / 12e3 + 1.5e-4 * np.sin(2.0 * ratio * q))
-
-    def noisy(values: Array, level: float) -> Array:
-        return values + rng.normal(scale=level, size=time.size)
-
-    heat = np.cumsum(torque**2) / max(float(np.sum(torque**2)), 1e-9)
-    return {
-        "time": time,
-        "output_position": noisy(q, 1.5e-5),
-        "output_velocity": noisy(dq, 3e-3),
-        "motor_position": noisy(theta - (theta[0] if from_zero else 0.0), 1e-3),
-        "motor_velocity": noisy(ratio * dq, 0.15),
-        "motor_torque": noisy(torque, 3e-3),
-        "motor_current": noisy(torque / torque_constant, 0.03),
-        "sensor_torque": noisy(load + 0.35 + 0.12 * np.sin(2.0 * q + 0.4), 0.05),
-        "reference_torque": noisy(load, 0.03),
-        "temperature": noisy(27.0 + 2.0 * heat, 0.04),
-        "motor_temperature": noisy(31.0 + 9.0 * heat, 0.08),
-        "commanded_position": q + 4e-3 * dq,
-        "supply_voltage": noisy(48.0 - 0.1 * np.abs(torque / torque_constant), 0.03),
-        "duty": noisy((0.4 * torque / torque_constant + torque_constant * ratio * dq) / 48.0, 2e-3),
-    }
-
-
-def _sines(rng: np.random.Generator, time: Array, amplitude: float) -> tuple[Array, ...]:
-    q, dq, ddq = np.zeros((3, time.size))
-    for frequency, share in ((0.11, 0.7), (0.23, 0.25), (0.47, 0.08)):
-        omega = REV * frequency * rng.uniform(0.9, 1.1)
-        phase = omega * time + rng.uniform(0.0, REV)
-        q += amplitude * share * np.sin(phase)
-        dq += amplitude * share * omega * np.cos(phase)
-        ddq -= amplitude * share * omega**2 * np.sin(phase)
-    return q, dq, ddq
-
-
-def _trapezoids(rng: np.random.Generator, time: Array, amplitude: float) -> tuple[Array, ...]:
-    """Moves from -a to a and back, 0.5 s of acceleration, rests of 0.4 s."""
-    ramp, rest = 0.5, 0.4
-    cruise = rng.uniform(1.2, 1.8)
-    speed = 2.0 * amplitude / (cruise + ramp)
-    move = 2.0 * ramp + cruise
-    number, into = np.divmod(time, move + rest)
-    into = np.minimum(into, move)
-    way = np.where(number % 2 == 0, 1.0, -1.0)
-    ddq = np.where(into < ramp, 1.0, np.where(into > move - ramp, -1.0, 0.0)) * speed / ramp
-    ddq = np.where(into >= move, 0.0, ddq)
-    dq = speed * np.clip(np.minimum(into, move - into) / ramp, 0.0, 1.0)
-    up = speed * np.where(into < ramp, into**2 / 2.0 / ramp, into - ramp / 2.0)
-    late = np.maximum(into - (move - ramp), 0.0)
-    return way * (up - speed * late**2 / 2.0 / ramp - amplitude), way * dq, way * ddq
-
-
-# a file and its recorder
-
-
-@dataclass(frozen=True)
-class File:
-    """What a recorder wrote.
-
-    Attributes
-    ----------
-    name : str
-        Of the file.
-    content : bytes
-        All of it.
-    truth : mapping of str to ndarray, shape (rows,)
-        Channels that are in the file, in SI units with the signs of the package; NaN where a cell
-        is empty; `time` in seconds from the first row.
-    steps : mapping of str to float
-        The step in which the file holds a channel, in the channel's SI unit; 0 where it holds the
-        number itself.
-    facts : mapping of str to object
-        What the file tells besides the channels. `gear_ratio` is the turns of the motor for one
-        turn of the output.
-    ambiguous : mapping of str to str
-        Channel (or fact) to why the file alone does not tell it, so that a guess must say so.
-    wraps : mapping of str to float
-        Channels that the file holds modulo so many rad (or s): the truth goes on.
-    """
-
-    name: str
-    content: bytes
-    truth: Mapping[str, Array]
-    steps: Mapping[str, float]
-    facts: Mapping[str, object] = field(default_factory=dict)
-    ambiguous: Mapping[str, str] = field(default_factory=dict)
-    wraps: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Recorder:
-    """A recorder, by a file that it wrote.
-
-    Attributes
-    ----------
-    name : str
-        Short, for the id of a test.
-    source : str
-        Where the form of its files is documented; empty where made up.
-    hard : str
-        What is hard in its file.
-    file : callable
-        Returns the file, the same one each time.
-    """
-
-    name: str
-    source: str
-    hard: str
-    file: Callable[[], File]
-
-    def write(self, folder: Path) -> Path:
-        """Write the file into `folder` and return where it is."""
-        path = folder / self.file().name
-        path.write_bytes(self.file().content)
-        return path
-
-    def gap(self, channel: str, values: Array) -> float:
-        """How far `values` are from the truth at most, in SI units, modulo what the file wraps."""
-        made = self.file()
-        truth = made.truth[channel]
-        if np.shape(values) != truth.shape or np.any(np.isnan(values) != np.isnan(truth)):
-            return math.inf
-        apart = np.asarray(values, dtype=float) - truth
-        if channel in made.wraps:
-            apart -= made.wraps[channel] * np.rint(apart / made.wraps[channel])
-        return float(np.nanmax(np.abs(apart)))
-
-
-class Recorders(list[Recorder]):
-    """Recorders in the order in which they are defined: called, it decorates the next one."""
-
-    def __call__(self, *said: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-        """Take in what makes a file: where its format is stated, if that is; what is hard in it."""
-        *source, hard = said
-
-        def keep(make: Callable[[], File]) -> Callable[[], File]:
-            self.append(Recorder(make.__name__, source[0] if source else "", hard, cache(make)))
-            return make
-
-        return keep
-
-
-_recorder = Recorders()
-
-
-# columns of text
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a table of text: its header, its cells, and which channel that is, if any."""
-
-    header: str
-    cells: Sequence[str]
-    channel: str = ""
-    truth: Array | None = None
-    step: float = 0.0
-
-
-def _channel(
-    run: Mapping[str, Array],
-    channel: str,
-    header: str,
-    shape: str,
-    unit: float = 1.0,
-    *,
-    zero: float = 0.0,
-    wrap: float = 0.0,
-    start: float = 0.0,
-) -> Column:
-    """A channel in a unit: the cells are (SI - zero) / unit + start, modulo `wrap`."""
-    values = (run[channel] - zero) / unit + start
-    if wrap:
-        values = np.mod(values, wrap)
-    if shape.endswith("d"):
-        values = np.rint(values)
-    step = abs(unit) * _step(shape, float(np.max(np.abs(values))))
-    cells = [shape % value for value in values.tolist()]
-    return Column(header, cells, channel, run[channel], step)
-
-
-def _step(shape: str, largest: float) -> float:
-    """In which step a %-format holds numbers up to `largest`."""
-    if shape == "%r":
-        return 0.0
-    match = re.fullmatch(r"%[+ ]?\d*(?:\.(\d+))?([dfeEg])", shape)
-    assert match
-    digits = int(match[1] or 6)
-    if match[2] == "d":
-        return 1.0
-    if match[2] == "f":
-        return 10.0**-digits
-    significant = digits if match[2] == "g" else digits + 1
-    return 10.0 ** (math.floor(math.log10(largest)) + 1 - significant)
-
-
-def _other(header: str, values: Iterable[object], shape: str = "%s") -> Column:
-    """A column that is no channel."""
-    return Column(header, [shape % value for value in values])
-
-
-def _same(header: str, value: str, rows: int) -> Column:
-    return Column(header, [value] * rows)
-
-
-def _commas(columns: Iterable[Column]) -> list[Column]:
-    """The columns with a decimal comma."""
-    return [
-        Column(c.header, [cell.replace(".", ",") for cell in c.cells], c.channel, c.truth, c.step)
-        for c in columns
-    ]
-
-
-def _lines(columns: Sequence[Column], between: str, end: str = "") -> list[str]:
-    return [between.join(row) + end for row in zip(*(c.cells for c in columns), strict=True)]
-
-
-def _headers(columns: Sequence[Column], between: str, end: str = "") -> str:
-    return between.join(c.header for c in columns) + end
-
-
-def _text(lines: Iterable[str], newline: str = "\n", encoding: str = "utf-8") -> bytes:
-    return "".join(line + newline for line in lines).encode(encoding)
-
-
-def _file(
-    name: str, content: bytes, columns: Iterable[Column], **more: Mapping[str, object]
-) -> File:
-    channels = [c for c in columns if c.channel]
-    truth = {c.channel: c.truth for c in channels}
-    assert len(truth) == len(channels), "one column for each channel"
-    steps = {c.channel: c.step for c in channels}
-    return File(name, content, truth, steps, **more)
-
-
-def _table(
-    name: str,
-    columns: Sequence[Column],
-    between: str,
-    newline: str = "\n",
-    encoding: str = "utf-8",
-    *,
-    head: Iterable[str] = (),
-    **more: Mapping[str, object],
-) -> File:
-    """A file of text: lines of a preamble, the headers, the cells."""
-    lines = [*head, _headers(columns, between), *_lines(columns, between)]
-    return _file(name, _text(lines, newline, encoding), columns, **more)
-
-
-def _kept(run: Mapping[str, Array], arrays: Mapping[str, float]) -> dict[str, object]:
-    """Truth and steps of channels that a binary file holds in steps of `arrays`."""
-    return {"truth": {name: run[name] for name in arrays}, "steps": dict(arrays)}
-
-
-def _single(run: Mapping[str, Array], channels: Iterable[str]) -> dict[str, float]:
-    """Steps of channels that a file holds in single precision."""
-    return {name: float(np.max(np.abs(run[name]))) * 2.0**-23 for name in channels}
-
-
-def _still(seed: int, angle: float, rows: int) -> Array:
-    """A joint that holds its angle."""
-    return angle + np.random.default_rng([seed, 7]).normal(scale=1e-5, size=rows)
-
-
-def _white(seed: int, level: float, rows: int) -> Array:
-    return np.random.default_rng([seed, 8]).normal(scale=level, size=rows)
+_recorder = rec.Recorders()
 
 
 # robots
@@ -376,23 +44,23 @@ def ur_rtde() -> File:
         "actual_current": ("motor_current", -0.8),
         "joint_temperatures": ("temperature", 28.0),
     }
-    columns = [_channel(run, "time", "timestamp", "%r", start=1297.498)]
+    columns = [rec.channel(run, "time", "timestamp", "%r", start=1297.498)]
     for name, (channel, held) in moving.items():
         for joint in range(6):
             if joint == 2:
-                columns.append(_channel(run, channel, f"{name}_2", "%r"))
+                columns.append(rec.channel(run, channel, f"{name}_2", "%r"))
             elif name == "target_q":
-                columns.append(_same(f"{name}_{joint}", repr(held), rows))
+                columns.append(rec.same(f"{name}_{joint}", repr(held), rows))
             else:
-                still = _still(joint, held, rows)
-                columns.append(_other(f"{name}_{joint}", still.tolist(), "%r"))
-    model = run["reference_torque"] + _white(1, 1e-3, rows)
+                still = rec.still(joint, held, rows)
+                columns.append(rec.other(f"{name}_{joint}", still.tolist(), "%r"))
+    model = run["reference_torque"] + rec.white(1, 1e-3, rows)
     for joint in range(6):
-        moment = model if joint == 2 else _still(joint, -4.63, rows)
-        columns.append(_other(f"target_moment_{joint}", moment.tolist(), "%r"))
-    columns += [_same("robot_mode", "7", rows), _same("safety_mode", "1", rows)]
-    columns.append(_same("runtime_state", "2", rows))
-    return _table(
+        moment = model if joint == 2 else rec.still(joint, -4.63, rows)
+        columns.append(rec.other(f"target_moment_{joint}", moment.tolist(), "%r"))
+    columns += [rec.same("robot_mode", "7", rows), rec.same("safety_mode", "1", rows)]
+    columns.append(rec.same("runtime_state", "2", rows))
+    return rec.table(
         "ur10e_elbow.csv",
         columns,
         " ",
@@ -419,11 +87,13 @@ def franka_log() -> File:
         for joint in range(7):
             header = f"{name}[{joint}]"
             if joint == 3 and channel in run:
-                columns.append(_channel(run, channel, header, "%.6g"))
+                columns.append(rec.channel(run, channel, header, "%.6g"))
             elif joint == 3:
-                columns.append(_other(header, np.gradient(run["commanded_position"], 1e-3), "%.6g"))
+                columns.append(
+                    rec.other(header, np.gradient(run["commanded_position"], 1e-3), "%.6g")
+                )
             else:
-                columns.append(_other(header, _still(joint, held, rows), "%.6g"))
+                columns.append(rec.other(header, rec.still(joint, held, rows), "%.6g"))
         parts.append(columns)
 
     seven("state.q", "output_position", -0.7853)
@@ -431,10 +101,10 @@ def franka_log() -> File:
     seven("state.dq", "output_velocity", 0.0)
     seven("state.dq_d", "", 0.0)
     seven("state.tau_J", "sensor_torque", -2.31)
-    outside = _white(2, 0.2, rows)
+    outside = rec.white(2, 0.2, rows)
     parts.append(
         [
-            _other(f"state.tau_ext_hat_filtered[{j}]", outside * (j + 1) / 7, "%.6g")
+            rec.other(f"state.tau_ext_hat_filtered[{j}]", outside * (j + 1) / 7, "%.6g")
             for j in range(7)
         ]
     )
@@ -445,14 +115,14 @@ def franka_log() -> File:
         ("O_dP_EE_d", 6),
         ("tau_J_d", 7),
     ):
-        parts.append([_same(f"cmd.{name}[{k}]", "0", rows) for k in range(count)])
-    clock = [_channel(run, "time", "time", "%d", 1e-3, start=1_843_211)]
-    clock.append(_same("success_rate", "1", rows))
-    names = "time, success_rate, " + ",".join(_headers(columns, ", ") for columns in parts)
+        parts.append([rec.same(f"cmd.{name}[{k}]", "0", rows) for k in range(count)])
+    clock = [rec.channel(run, "time", "time", "%d", 1e-3, start=1_843_211)]
+    clock.append(rec.same("success_rate", "1", rows))
+    names = "time, success_rate, " + ",".join(rec.headers(columns, ", ") for columns in parts)
     columns = clock + [column for part in parts for column in part]
-    return _file(
+    return rec.file(
         "panda_joint4.csv",
-        _text([names, *_lines(columns, ",")]),
+        rec.text([names, *rec.lines(columns, ",")]),
         columns,
         ambiguous={"time": "no unit is stated; ms, as velocity and angle agree only so"},
     )
@@ -468,20 +138,20 @@ def kinova_kortex() -> File:
     rows = run["time"].size
     counter = (np.arange(rows) + 17_405) % 65536 + (5 << 16)
     columns = [
-        _channel(run, "time", "timestamp", "%.6f", start=1_767_188_415.25),
-        _other("command_id", counter),
-        _same("status_flags", "67108864", rows),
-        _other("jitter_comm", np.random.default_rng(3).integers(1, 40, rows)),
-        _channel(run, "output_position", "position", "%.6f", DEG, wrap=360.0),
-        _channel(run, "output_velocity", "velocity", "%.6f", DEG),
-        _channel(run, "sensor_torque", "torque", "%.6f"),
-        _channel(run, "motor_current", "current_motor", "%.6f"),
-        _channel(run, "supply_voltage", "voltage", "%.4f"),
-        _channel(run, "motor_temperature", "temperature_motor", "%.2f"),
-        _other("temperature_core", 41.5 + _white(3, 0.2, rows), "%.2f"),
-        *[_same(n, "0", rows) for n in ("fault_bank_a", "fault_bank_b", "warning_bank_a")],
+        rec.channel(run, "time", "timestamp", "%.6f", start=1_767_188_415.25),
+        rec.other("command_id", counter),
+        rec.same("status_flags", "67108864", rows),
+        rec.other("jitter_comm", np.random.default_rng(3).integers(1, 40, rows)),
+        rec.channel(run, "output_position", "position", "%.6f", DEG, wrap=360.0),
+        rec.channel(run, "output_velocity", "velocity", "%.6f", DEG),
+        rec.channel(run, "sensor_torque", "torque", "%.6f"),
+        rec.channel(run, "motor_current", "current_motor", "%.6f"),
+        rec.channel(run, "supply_voltage", "voltage", "%.4f"),
+        rec.channel(run, "motor_temperature", "temperature_motor", "%.2f"),
+        rec.other("temperature_core", 41.5 + rec.white(3, 0.2, rows), "%.2f"),
+        *[rec.same(n, "0", rows) for n in ("fault_bank_a", "fault_bank_b", "warning_bank_a")],
     ]
-    return _table(
+    return rec.table(
         "gen3_actuator2_feedback.csv",
         columns,
         ",",
@@ -510,18 +180,18 @@ def rostopic_echo() -> File:
     names = ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint"]
     columns = [
         Column("%time", stamps, "time", run["time"], 1e-9),
-        _other("field.header.seq", range(88_121, 88_121 + rows)),
+        rec.other("field.header.seq", range(88_121, 88_121 + rows)),
         Column("field.header.stamp", stamps),
-        _same("field.header.frame_id", "", rows),
-        *[_same(f"field.name{j}", name, rows) for j, name in enumerate(names)],
+        rec.same("field.header.frame_id", "", rows),
+        *[rec.same(f"field.name{j}", name, rows) for j, name in enumerate(names)],
     ]
     kinds = {"position": "output_position", "velocity": "output_velocity"}
     for kind, channel in {**kinds, "effort": "sensor_torque"}.items():
-        columns.append(_channel(run, channel, f"field.{kind}0", "%.12g"))
+        columns.append(rec.channel(run, channel, f"field.{kind}0", "%.12g"))
         for joint in (1, 2):
-            held = _still(joint, -1.2 if kind == "position" else 0.0, rows)
-            columns.append(_other(f"field.{kind}{joint}", held, "%.12g"))
-    return _table(
+            held = rec.still(joint, -1.2 if kind == "position" else 0.0, rows)
+            columns.append(rec.other(f"field.{kind}{joint}", held, "%.12g"))
+    return rec.table(
         "elbow_joint.csv",
         columns,
         ",",
@@ -551,13 +221,13 @@ def plotjuggler() -> File:
     }
     there = np.flatnonzero(np.any([when for _, when in topics.values()], axis=0))
     time = run["time"][there]
-    clock = _channel({"time": time}, "time", "__time", "%.6f", start=1_770_000_123.5)
+    clock = rec.channel({"time": time}, "time", "__time", "%.6f", start=1_770_000_123.5)
     columns = [clock]
     for header, (channel, when) in topics.items():
         cells = [f"{x:.9f}" if w else "" for x, w in zip(run[channel], when, strict=True)]
         truth = np.where(when, run[channel], np.nan)[there]
         columns.append(Column(header, [cells[k] for k in there], channel, truth, 1e-9))
-    return _table(
+    return rec.table(
         "plotjuggler_export.csv",
         columns,
         ",",
@@ -575,20 +245,20 @@ def moteus() -> File:
     run = joint_run(6, 250.0, 12.0, ratio=50.0, amplitude=1.3)
     rows = run["time"].size
     columns = [
-        _channel(run, "time", "time", "%.6f"),
-        _same("mode", "10", rows),
-        _channel(run, "motor_position", "position", "%.9g", REV),
-        _channel(run, "motor_velocity", "velocity", "%.9g", REV),
-        _channel(run, "motor_torque", "torque", "%.2f"),
-        _channel(run, "motor_current", "q_current", "%.1f"),
-        _other("d_current", np.rint(_white(6, 0.06, rows) * 10) / 10 + 0.0, "%.1f"),
-        _channel(run, "supply_voltage", "voltage", "%.1f"),
-        _channel(run, "motor_temperature", "temperature", "%.1f"),
-        _channel(run, "output_position", "encoder_1_position", "%.9g", REV),
-        _same("fault", "0", rows),
+        rec.channel(run, "time", "time", "%.6f"),
+        rec.same("mode", "10", rows),
+        rec.channel(run, "motor_position", "position", "%.9g", REV),
+        rec.channel(run, "motor_velocity", "velocity", "%.9g", REV),
+        rec.channel(run, "motor_torque", "torque", "%.2f"),
+        rec.channel(run, "motor_current", "q_current", "%.1f"),
+        rec.other("d_current", np.rint(rec.white(6, 0.06, rows) * 10) / 10 + 0.0, "%.1f"),
+        rec.channel(run, "supply_voltage", "voltage", "%.1f"),
+        rec.channel(run, "motor_temperature", "temperature", "%.1f"),
+        rec.channel(run, "output_position", "encoder_1_position", "%.9g", REV),
+        rec.same("fault", "0", rows),
     ]
     turns = "no unit is stated: that they are turns stands in the controller's manual"
-    return _table(
+    return rec.table(
         "moteus_id1.csv",
         columns,
         ",",
@@ -616,19 +286,19 @@ def dynamixel_raw() -> File:
         run[channel] += 2048 * tick
     run["supply_voltage"] -= 36.0  # 12 V
     columns = [
-        _same("ID", "3", rows),
-        _same("Torque Enable", "1", rows),
-        _channel(run, "time", "Realtime Tick", "%d", 1e-3, start=20_117, wrap=32_768),
-        _other("Moving", (np.abs(run["output_velocity"]) > 0.05).astype(int)),
-        _channel(run, "duty", "Present PWM", "%d", 1.0 / 885.0),
-        _channel(run, "motor_current", "Present Current", "%d", 2.69e-3),
-        _channel(run, "output_velocity", "Present Velocity", "%d", 0.229 * RPM),
-        _channel(run, "output_position", "Present Position", "%d", tick),
-        _channel(run, "commanded_position", "Goal Position", "%d", tick),
-        _channel(run, "supply_voltage", "Present Input Voltage", "%d", 0.1),
-        _channel(run, "temperature", "Present Temperature", "%d"),
+        rec.same("ID", "3", rows),
+        rec.same("Torque Enable", "1", rows),
+        rec.channel(run, "time", "Realtime Tick", "%d", 1e-3, start=20_117, wrap=32_768),
+        rec.other("Moving", (np.abs(run["output_velocity"]) > 0.05).astype(int)),
+        rec.channel(run, "duty", "Present PWM", "%d", 1.0 / 885.0),
+        rec.channel(run, "motor_current", "Present Current", "%d", 2.69e-3),
+        rec.channel(run, "output_velocity", "Present Velocity", "%d", 0.229 * RPM),
+        rec.channel(run, "output_position", "Present Position", "%d", tick),
+        rec.channel(run, "commanded_position", "Goal Position", "%d", tick),
+        rec.channel(run, "supply_voltage", "Present Input Voltage", "%d", 0.1),
+        rec.channel(run, "temperature", "Present Temperature", "%d"),
     ]
-    return _table(
+    return rec.table(
         "dxl_id3.csv",
         columns,
         ",",
@@ -653,25 +323,27 @@ def vesc_tool() -> File:
     turned = run["motor_position"] / REV * 6 * poles
     zero = "0"
     by_name = {
-        "ms_today": _channel(run, "time", "", "%d", 1e-3, start=50_069_026),
-        "input_voltage": _channel(run, "supply_voltage", "", "%.1f"),
-        "temp_mos_max": _other("", 31.0 + _white(8, 0.1, rows), "%.1f"),
-        "temp_motor": _channel(run, "motor_temperature", "", "%.1f"),
-        "q_axis_current": _channel(run, "motor_current", "", "%.2f"),
-        "current_motor": _other("", np.abs(run["motor_current"]), "%.2f"),
-        "current_in": _other("", run["motor_current"] * run["duty"], "%.2f"),
-        "d_axis_current": _other("", _white(8, 0.03, rows), "%.2f"),
-        "erpm": _channel(run, "motor_velocity", "", "%d", RPM / poles),
-        "duty_cycle": _channel(run, "duty", "", "%.3f"),
-        "tachometer": _other("", np.rint(turned - turned[0]).astype(int)),
-        "tachometer_abs": _other("", np.cumsum(np.abs(np.diff(turned, prepend=turned[0]))), "%d"),
-        "encoder_position": _channel(run, "motor_position", "", "%.1f", DEG, wrap=360.0),
-        "vesc_id": _same("", "1", rows),
-        "ms_today_setup": _other("", np.rint(50_068_946 + 1e3 * run["time"]), "%d"),
-        "amp_hours_used": _same("", "0.3098", rows),
-        "battery_level": _same("", "0.709", rows),
-        "num_vescs": _same("", "1", rows),
-        "gnss_posTime": _same("", "-1", rows),
+        "ms_today": rec.channel(run, "time", "", "%d", 1e-3, start=50_069_026),
+        "input_voltage": rec.channel(run, "supply_voltage", "", "%.1f"),
+        "temp_mos_max": rec.other("", 31.0 + rec.white(8, 0.1, rows), "%.1f"),
+        "temp_motor": rec.channel(run, "motor_temperature", "", "%.1f"),
+        "q_axis_current": rec.channel(run, "motor_current", "", "%.2f"),
+        "current_motor": rec.other("", np.abs(run["motor_current"]), "%.2f"),
+        "current_in": rec.other("", run["motor_current"] * run["duty"], "%.2f"),
+        "d_axis_current": rec.other("", rec.white(8, 0.03, rows), "%.2f"),
+        "erpm": rec.channel(run, "motor_velocity", "", "%d", RPM / poles),
+        "duty_cycle": rec.channel(run, "duty", "", "%.3f"),
+        "tachometer": rec.other("", np.rint(turned - turned[0]).astype(int)),
+        "tachometer_abs": rec.other(
+            "", np.cumsum(np.abs(np.diff(turned, prepend=turned[0]))), "%d"
+        ),
+        "encoder_position": rec.channel(run, "motor_position", "", "%.1f", DEG, wrap=360.0),
+        "vesc_id": rec.same("", "1", rows),
+        "ms_today_setup": rec.other("", np.rint(50_068_946 + 1e3 * run["time"]), "%d"),
+        "amp_hours_used": rec.same("", "0.3098", rows),
+        "battery_level": rec.same("", "0.709", rows),
+        "num_vescs": rec.same("", "1", rows),
+        "gnss_posTime": rec.same("", "-1", rows),
     }
     header = (
         "ms_today;input_voltage;temp_mos_max;temp_mos_1;temp_mos_2;temp_mos_3;temp_motor;"
@@ -684,10 +356,10 @@ def vesc_tool() -> File:
         "gyroY;gyroZ;gnss_posTime;gnss_lat;gnss_lon;gnss_alt;gnss_gVel;gnss_vVel;gnss_hAcc;"
         "gnss_vAcc;"
     )
-    columns = [by_name.get(name) or _same("", zero, rows) for name in header[:-1].split(";")]
-    return _file(
+    columns = [by_name.get(name) or rec.same("", zero, rows) for name in header[:-1].split(";")]
+    return rec.file(
         "vesc_2026-02-11_13-54-29.csv",
-        _text([header, *_lines(columns, ";", ";")]),
+        rec.text([header, *rec.lines(columns, ";", ";")]),
         columns,
         facts={"pole_pairs": poles},
         ambiguous={
@@ -709,8 +381,8 @@ def insight_arm() -> File:
     run["time"] = run["time"] + np.random.default_rng(9).uniform(0.0, 0.03, rows)
     run["time"] -= run["time"][0]
     run["time"] = np.round(run["time"], 4)
-    columns = [_channel(run, "time", "time(s)       ", "%.4f", start=618_085_129.5458)]
-    columns.append(_other("elapsed_time(hr)", run["time"] / 3600.0, "%-16.4f"))
+    columns = [rec.channel(run, "time", "time(s)       ", "%.4f", start=618_085_129.5458)]
+    columns.append(rec.other("elapsed_time(hr)", run["time"] / 3600.0, "%-16.4f"))
 
     def four(name: str, unit: str, moving: Column | Array, held: float, noise: float) -> None:
         for joint in (1, 2, 3, 4):
@@ -720,27 +392,27 @@ def insight_arm() -> File:
                     Column(header, moving.cells, moving.channel, moving.truth, moving.step)
                 )
             else:
-                values = moving if joint == 2 else held + _white(joint, noise, rows)
-                columns.append(_other(header, values, "%8.4f"))
+                values = moving if joint == 2 else held + rec.white(joint, noise, rows)
+                columns.append(rec.other(header, values, "%8.4f"))
 
-    four("enc", "rad", _channel(run, "output_position", "", "%8.4f"), -0.676, 1e-5)
-    four("pot", "rad", run["output_position"] + 3e-3 + _white(9, 1e-3, rows), -0.673, 1e-3)
-    four("tcase", "C", _channel(run, "temperature", "", "%8.4f"), 13.9, 0.02)
-    four("trotor", "C", _channel(run, "motor_temperature", "", "%8.4f"), 14.2, 0.02)
-    columns.append(_other("tgrapple(C)", -62.7 + _white(9, 0.1, rows), "%8.4f"))
-    four("cur", "mA", _channel(run, "motor_current", "", "%9.4f", 1e-3), -0.3214, 0.1)
+    four("enc", "rad", rec.channel(run, "output_position", "", "%8.4f"), -0.676, 1e-5)
+    four("pot", "rad", run["output_position"] + 3e-3 + rec.white(9, 1e-3, rows), -0.673, 1e-3)
+    four("tcase", "C", rec.channel(run, "temperature", "", "%8.4f"), 13.9, 0.02)
+    four("trotor", "C", rec.channel(run, "motor_temperature", "", "%8.4f"), 14.2, 0.02)
+    columns.append(rec.other("tgrapple(C)", -62.7 + rec.white(9, 0.1, rows), "%8.4f"))
+    four("cur", "mA", rec.channel(run, "motor_current", "", "%9.4f", 1e-3), -0.3214, 0.1)
     four("volt", "V", np.full(rows, 24.0), 0.0, 0.0)
-    columns += [_same("stat", "   50", rows), _same("tool", "    2", rows)]
+    columns += [rec.same("stat", "   50", rows), rec.same("tool", "    2", rows)]
     for kind in ("enc", "pot", "enc_defl", "pot_defl"):
         columns += [
-            _other(f"{axis}_{kind}({unit})", 0.8 + _white(9, 1e-3, rows), "%8.4f")
+            rec.other(f"{axis}_{kind}({unit})", 0.8 + rec.white(9, 1e-3, rows), "%8.4f")
             for axis, unit in (("x", "m"), ("y", "m"), ("z", "m"), ("th", "m"))
         ]
-    four("v", "rad/s", _channel(run, "output_velocity", "", "%8.4f"), 0.0, 0.0)
-    four("tau", "N-m", _channel(run, "sensor_torque", "", "%8.4f"), 0.0, 0.0)
-    columns += [_same(f"F{a}(N)      ", "-99999.0000", rows) for a in "rtz"]
-    columns += [_same("htr_cur(mA)", "  0.0000    ", rows), _same("grapple_phase", "1", rows)]
-    return _table(
+    four("v", "rad/s", rec.channel(run, "output_velocity", "", "%8.4f"), 0.0, 0.0)
+    four("tau", "N-m", rec.channel(run, "sensor_torque", "", "%8.4f"), 0.0, 0.0)
+    columns += [rec.same(f"F{a}(N)      ", "-99999.0000", rows) for a in "rtz"]
+    columns += [rec.same("htr_cur(mA)", "  0.0000    ", rows), rec.same("grapple_phase", "1", rows)]
+    return rec.table(
         "arm_joint2_eu.csv",
         columns,
         ", ",
@@ -760,25 +432,27 @@ def insight_arm() -> File:
 def twincat_scope() -> File:
     run = joint_run(10, 1000.0, 3.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
-    clock = _channel(run, "time", "", "%d", 1e-3)
+    clock = rec.channel(run, "time", "", "%d", 1e-3)
     table = [  # column, symbol, type, bytes, unit
-        (_channel(run, "output_position", "ActPosLoad", "%.7g", DEG), "REAL64", 8, "° (Angle)"),
-        (_channel(run, "motor_position", "ActPosMotor", "%.7g", DEG), "REAL64", 8, "° (Angle)"),
+        (rec.channel(run, "output_position", "ActPosLoad", "%.7g", DEG), "REAL64", 8, "° (Angle)"),
+        (rec.channel(run, "motor_position", "ActPosMotor", "%.7g", DEG), "REAL64", 8, "° (Angle)"),
         (
-            _channel(run, "output_velocity", "ActVeloLoad", "%.7g", DEG),
+            rec.channel(run, "output_velocity", "ActVeloLoad", "%.7g", DEG),
             "REAL64",
             8,
             "°/s (Velocity)",
         ),
-        (_channel(run, "motor_current", "ActCurrent", "%d", 1e-3), "INT16", 2, "mA (Current)"),
-        (_channel(run, "sensor_torque", "TorqueSensor", "%.6g"), "REAL32", 4, "Nm (Torque)"),
-        (_same("StatusWord", "4663", rows), "UINT16", 2, "(None)"),
+        (rec.channel(run, "motor_current", "ActCurrent", "%d", 1e-3), "INT16", 2, "mA (Current)"),
+        (rec.channel(run, "sensor_torque", "TorqueSensor", "%.6g"), "REAL32", 4, "Nm (Torque)"),
+        (rec.same("StatusWord", "4663", rows), "UINT16", 2, "(None)"),
     ]
     slow = [f"{x:.1f}" for x in run["temperature"][::10]] + [""] * (rows - rows // 10)
     ticks = [f"{10 * k}" for k in range(rows // 10)] + [""] * (rows - rows // 10)
     table.append((Column("Temperature", slow), "REAL32", 4, "°C (Temperature)"))
     clocks = [clock] + [Column("", clock.cells)] * (len(table) - 2) + [Column("", ticks)]
-    columns = _commas([c for pair in zip(clocks, (t[0] for t in table), strict=True) for c in pair])
+    columns = rec.commas(
+        [c for pair in zip(clocks, (t[0] for t in table), strict=True) for c in pair]
+    )
 
     def row(key: str, values: Iterable[object]) -> str:
         return "\t".join(f"{key}\t{value}" for value in values).rstrip("\t")
@@ -811,9 +485,9 @@ def twincat_scope() -> File:
         row("Unit Offset", [0] * count),
         "",
     ]
-    return _file(
+    return rec.file(
         "Joint2_Axis.csv",
-        _text([*preamble, *_lines(columns, "\t"), "EOF"], "\r\n"),
+        rec.text([*preamble, *rec.lines(columns, "\t"), "EOF"], "\r\n"),
         columns,
         facts={"gear_ratio": 100},
         ambiguous={"temperature": "it has a clock of its own: its row k is not that of the others"},
@@ -829,12 +503,12 @@ def twincat_scope() -> File:
 def labview_lvm() -> File:
     run = joint_run(11, 200.0, 15.0, ratio=80.0)
     columns = [
-        _channel(run, "time", "X_Value", "%.6f"),
-        _channel(run, "output_position", "Output Angle", "%.6f", DEG),
-        _channel(run, "motor_velocity", "Motor Speed", "%.6f", RPM),
-        _channel(run, "sensor_torque", "Torque Sensor", "%.6f"),
-        _channel(run, "motor_current", "Motor Current", "%.6f"),
-        _channel(run, "temperature", "Temperature", "%.6f"),
+        rec.channel(run, "time", "X_Value", "%.6f"),
+        rec.channel(run, "output_position", "Output Angle", "%.6f", DEG),
+        rec.channel(run, "motor_velocity", "Motor Speed", "%.6f", RPM),
+        rec.channel(run, "sensor_torque", "Torque Sensor", "%.6f"),
+        rec.channel(run, "motor_current", "Motor Current", "%.6f"),
+        rec.channel(run, "temperature", "Temperature", "%.6f"),
     ]
     count, rows = len(columns) - 1, run["time"].size
 
@@ -864,11 +538,11 @@ def labview_lvm() -> File:
         tag("X0", "0.0000000000000000E+0"),
         tag("Delta_X", "0.005000"),
         "***End_of_Header***\t" + "\t" * count,
-        _headers(columns, "\t") + "\tComment",
+        rec.headers(columns, "\t") + "\tComment",
     ]
-    return _file(
+    return rec.file(
         "joint_80.lvm",
-        _text([*head, *_lines(columns, "\t")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, "\t")], "\r\n"),
         columns,
         facts={"gear_ratio": 80},
     )
@@ -882,21 +556,23 @@ def labview_lvm() -> File:
 def catman_ascii() -> File:
     run = joint_run(12, 300.0, 10.0)
     rows = run["time"].size
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "Zeit  1 - Standardmessrate [s]", "%.5f"),
-            _channel(run, "output_position", "Winkel_Abtrieb [°]", "%.4f", DEG),
-            _channel(run, "reference_torque", "T40B_Drehmoment [kNm]", "%.7f", 1e3),
-            _other("DMS_Brücke [mV/V]", run["sensor_torque"] / 40.0, "%.6f"),
-            _channel(run, "motor_current", "Strom_Motor [A]", "%.4f"),
-            _channel(run, "temperature", "PT100_Gehäuse [°C]", "%.2f"),
-            _other("Zeit  2 - Langsame Messrate [s]", np.floor(run["time"]), "%.5f"),
-            _same("Kommentar", "", rows),
+            rec.channel(run, "time", "Zeit  1 - Standardmessrate [s]", "%.5f"),
+            rec.channel(run, "output_position", "Winkel_Abtrieb [°]", "%.4f", DEG),
+            rec.channel(run, "reference_torque", "T40B_Drehmoment [kNm]", "%.7f", 1e3),
+            rec.other("DMS_Brücke [mV/V]", run["sensor_torque"] / 40.0, "%.6f"),
+            rec.channel(run, "motor_current", "Strom_Motor [A]", "%.4f"),
+            rec.channel(run, "temperature", "PT100_Gehäuse [°C]", "%.2f"),
+            rec.other("Zeit  2 - Langsame Messrate [s]", np.floor(run["time"]), "%.5f"),
+            rec.same("Kommentar", "", rows),
         ]
     )
-    return _file(
+    return rec.file(
         "Gelenk_A3_Drehmoment.asc",
-        _text([_headers(columns, "\t", "\t"), *_lines(columns, "\t", "\t")], "\r\n", "latin-1"),
+        rec.text(
+            [rec.headers(columns, "\t", "\t"), *rec.lines(columns, "\t", "\t")], "\r\n", "latin-1"
+        ),
         columns,
         ambiguous={
             "sensor_voltage": "mV/V: volts are known with the bridge's supply alone",
@@ -913,12 +589,12 @@ def hioki_memory() -> File:
     run = joint_run(13, 400.0, 12.5, motion="sines")
     rows = run["time"].size
     columns = [
-        _channel(run, "time", "TIME", "%+.4E"),
-        _channel(run, "output_position", "ANGLE", "%+.4E", DEG),
-        _channel(run, "motor_velocity", "SPEED", "%+.4E", RPM),
-        _channel(run, "motor_current", "CURRENT", "%+.4E"),
-        _channel(run, "reference_torque", "TORQUE", "%+.4E"),
-        *[_same(f"LCHA{k}", "1" if k < 3 else "0", rows) for k in (1, 2, 3, 4)],
+        rec.channel(run, "time", "TIME", "%+.4E"),
+        rec.channel(run, "output_position", "ANGLE", "%+.4E", DEG),
+        rec.channel(run, "motor_velocity", "SPEED", "%+.4E", RPM),
+        rec.channel(run, "motor_current", "CURRENT", "%+.4E"),
+        rec.channel(run, "reference_torque", "TORQUE", "%+.4E"),
+        *[rec.same(f"LCHA{k}", "1" if k < 3 else "0", rows) for k in (1, 2, 3, 4)],
     ]
     head = [
         '"COMMENT", "JOINT RIG"',
@@ -931,12 +607,12 @@ def hioki_memory() -> File:
         '"SIGNAL", ' + ", ".join(f'"{c.header}"' for c in columns),
         '"DATA"',
     ]
-    return _file(
+    return rec.file(
         "AUTO0003.TXT",
-        _text([*head, *_lines(columns, ", ")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, ", ")], "\r\n"),
         columns,
         facts={"gear_ratio": 100},
-        ambiguous={"reference_torque": OWN_OR_BESIDE},
+        ambiguous={"reference_torque": rec.OWN_OR_BESIDE},
     )
 
 
@@ -958,7 +634,7 @@ def tektronix_mdo() -> File:
         return ["%.5g" % (round(x / unit / step) * step) for x in run[channel].tolist()]
 
     columns = [
-        _channel(run, "time", "TIME", "%.7e", start=-2.0),
+        rec.channel(run, "time", "TIME", "%.7e", start=-2.0),
         Column("CH1", bits("motor_current"), "motor_current", run["motor_current"], 0.08),
         Column("CH2", bits("sensor_voltage"), "sensor_voltage", run["sensor_voltage"], 0.02),
         Column("CH3", bits("motor_velocity", per_volt)),
@@ -984,11 +660,11 @@ def tektronix_mdo() -> File:
         ",,,",
         ",,,",
         "Label,I MOTOR,TORQUE BRIDGE,TACHO",
-        _headers(columns, ","),
+        rec.headers(columns, ","),
     ]
-    return _file(
+    return rec.file(
         "tek0007ALL.csv",
-        _text([*head, *_lines(columns, ",")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, ",")], "\r\n"),
         columns,
         ambiguous={
             "sensor_voltage": "volts of a bridge: how many Nm one is, is not in the file",
@@ -1006,26 +682,26 @@ def etas_inca() -> File:
     run = joint_run(15, 200.0, 12.0, ratio=100.0)
     rows = run["time"].size
     table = [
-        (_channel(run, "time", "time", "%.6f"), "s"),
-        (_channel(run, "output_position", r"phiAbtr_w\XETK:1", "%.5f", DEG), "deg"),
-        (_channel(run, "motor_velocity", r"nMot_w\XETK:1", "%.4f", RPM), "rpm"),
-        (_channel(run, "motor_current", r"iqMot_w\XETK:1", "%.5f"), "A"),
-        (_channel(run, "motor_torque", r"trqMot_w\XETK:1", "%.6f"), "Nm"),
-        (_channel(run, "sensor_torque", r"trqSens_w\XETK:1", "%.5f"), "Nm"),
-        (_channel(run, "motor_temperature", r"tMot\XETK:1", "%.2f"), "degC"),
-        (_same(r"B_Enable\XETK:1", "1", rows), "-"),
+        (rec.channel(run, "time", "time", "%.6f"), "s"),
+        (rec.channel(run, "output_position", r"phiAbtr_w\XETK:1", "%.5f", DEG), "deg"),
+        (rec.channel(run, "motor_velocity", r"nMot_w\XETK:1", "%.4f", RPM), "rpm"),
+        (rec.channel(run, "motor_current", r"iqMot_w\XETK:1", "%.5f"), "A"),
+        (rec.channel(run, "motor_torque", r"trqMot_w\XETK:1", "%.6f"), "Nm"),
+        (rec.channel(run, "sensor_torque", r"trqSens_w\XETK:1", "%.5f"), "Nm"),
+        (rec.channel(run, "motor_temperature", r"tMot\XETK:1", "%.2f"), "degC"),
+        (rec.same(r"B_Enable\XETK:1", "1", rows), "-"),
     ]
     columns = [column for column, _ in table]
     head = [
         "ETASAsciiItemFile\trecord\tCrLf\tTab",
         f"sampleCount\t{rows:<15}",
-        _headers(columns, "\t", "\t"),
+        rec.headers(columns, "\t", "\t"),
         "f8\t" * len(columns),
         "".join(f'"{unit}"\t' for _, unit in table),
     ]
-    return _file(
+    return rec.file(
         "measure_joint.ascii",
-        _text([*head, *_lines(columns, "\t", "\t")], "\r\n"),
+        rec.text([*head, *rec.lines(columns, "\t", "\t")], "\r\n"),
         columns,
         facts={"gear_ratio": 100},
     )
@@ -1040,14 +716,14 @@ def epos_studio() -> File:
     run = joint_run(16, 500.0, 5.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
     columns = [
-        _channel(run, "time", "Time [ms]", "%.1f", 1e-3),
-        _channel(run, "motor_position", "Position actual value [inc]", "%d", REV / 4096),
-        _channel(run, "motor_velocity", "Velocity actual value [rpm]", "%d", RPM),
-        _channel(run, "motor_current", "Current actual value averaged [mA]", "%d", 1e-3),
-        _channel(run, "motor_torque", "Torque actual value [per mille]", "%d", 0.512e-3),
-        _channel(run, "output_position", "SSI encoder position [inc]", "%d", REV / 2**18),
-        _same("Statusword", "0x1637", rows),
-        _other("Following error [inc]", np.rint(_white(16, 6.0, rows)), "%d"),
+        rec.channel(run, "time", "Time [ms]", "%.1f", 1e-3),
+        rec.channel(run, "motor_position", "Position actual value [inc]", "%d", REV / 4096),
+        rec.channel(run, "motor_velocity", "Velocity actual value [rpm]", "%d", RPM),
+        rec.channel(run, "motor_current", "Current actual value averaged [mA]", "%d", 1e-3),
+        rec.channel(run, "motor_torque", "Torque actual value [per mille]", "%d", 0.512e-3),
+        rec.channel(run, "output_position", "SSI encoder position [inc]", "%d", REV / 2**18),
+        rec.same("Statusword", "0x1637", rows),
+        rec.other("Following error [inc]", np.rint(rec.white(16, 6.0, rows)), "%d"),
     ]
     head = [
         "EPOS Studio data recorder",
@@ -1059,7 +735,7 @@ def epos_studio() -> File:
         "Sampling period;2;ms",
         "",
     ]
-    return _table(
+    return rec.table(
         "recorder_01.csv",
         columns,
         ";",
@@ -1088,28 +764,28 @@ def excel_german() -> File:
     ]
     remarks = [""] * rows
     remarks[0], remarks[rows // 2] = "Start", "Stoß von außen?"
-    columns = _commas(
+    columns = rec.commas(
         [
             Column("Uhrzeit", clock, "time", run["time"], 1e-3),
-            _channel(run, "output_position", "Winkel Abtrieb (°)", "%.4f", DEG),
-            _channel(run, "motor_position", "Winkel Motor (°)", "%.1f", -DEG),
-            _channel(run, "motor_velocity", "Drehzahl Motor (1/min)", "%.1f", -RPM),
-            _channel(run, "motor_current", "Motorstrom (A)", "%.3f", -1.0),
-            _channel(run, "sensor_torque", "Drehmoment (Nm)", "%.2f"),
-            _channel(run, "temperature", "Temperatur Gehäuse (°C)", "%.1f"),
-            _channel(run, "commanded_position", "Sollwinkel (°)", "%.4f", DEG),
-            _same("Freigabe", "WAHR", rows),
+            rec.channel(run, "output_position", "Winkel Abtrieb (°)", "%.4f", DEG),
+            rec.channel(run, "motor_position", "Winkel Motor (°)", "%.1f", -DEG),
+            rec.channel(run, "motor_velocity", "Drehzahl Motor (1/min)", "%.1f", -RPM),
+            rec.channel(run, "motor_current", "Motorstrom (A)", "%.3f", -1.0),
+            rec.channel(run, "sensor_torque", "Drehmoment (Nm)", "%.2f"),
+            rec.channel(run, "temperature", "Temperatur Gehäuse (°C)", "%.1f"),
+            rec.channel(run, "commanded_position", "Sollwinkel (°)", "%.4f", DEG),
+            rec.same("Freigabe", "WAHR", rows),
             Column("Bemerkung", remarks),
         ]
     )
-    return _table(
+    return rec.table(
         "Prüfstand Gelenk 2.csv",
         columns,
         ";",
         "\r\n",
         "cp1252",
         facts={"gear_ratio": 100},
-        ambiguous={"sensor_torque": OWN_OR_BESIDE},
+        ambiguous={"sensor_torque": rec.OWN_OR_BESIDE},
         wraps={"time": 86_400.0},
     )
 
@@ -1123,19 +799,19 @@ def excel_unicode_text() -> File:
     run = joint_run(18, 100.0, 25.0, ratio=120.0)
     fahrenheit = 5.0 / 9.0
     columns = [
-        _channel(run, "time", "Timestamp", "%.10f", 86_400.0, start=46_063.614_583_333_3),
-        _channel(run, "output_position", "Output angle (deg)", "%.4f", DEG),
-        _channel(run, "output_velocity", "Output speed (rpm)", "%.4f", RPM),
-        _channel(run, "motor_velocity", "Motor speed (rpm)", "%.2f", RPM),
-        _channel(run, "reference_torque", '"Torque, load cell (lbf·in)"', "%.3f", LBF_IN),
-        _channel(run, "motor_current", "Motor current (A)", "%.4f"),
-        _channel(run, "temperature", "Housing temp (°F)", "%.2f", fahrenheit, zero=-160.0 / 9.0),
+        rec.channel(run, "time", "Timestamp", "%.10f", 86_400.0, start=46_063.614_583_333_3),
+        rec.channel(run, "output_position", "Output angle (deg)", "%.4f", DEG),
+        rec.channel(run, "output_velocity", "Output speed (rpm)", "%.4f", RPM),
+        rec.channel(run, "motor_velocity", "Motor speed (rpm)", "%.2f", RPM),
+        rec.channel(run, "reference_torque", '"Torque, load cell (lbf·in)"', "%.3f", LBF_IN),
+        rec.channel(run, "motor_current", "Motor current (A)", "%.4f"),
+        rec.channel(run, "temperature", "Housing temp (°F)", "%.2f", fahrenheit, zero=-160.0 / 9.0),
     ]
     foot = ["", "Max" + "\t99.9" * (len(columns) - 1), "Min" + "\t-99.9" * (len(columns) - 1)]
-    lines = [_headers(columns, "\t"), *_lines(columns, "\t"), *foot]
-    return _file(
+    lines = [rec.headers(columns, "\t"), *rec.lines(columns, "\t"), *foot]
+    return rec.file(
         "rig export.txt",
-        b"\xff\xfe" + _text(lines, "\r\n", "utf-16-le"),
+        b"\xff\xfe" + rec.text(lines, "\r\n", "utf-16-le"),
         columns,
         facts={"gear_ratio": 120},
     )
@@ -1149,23 +825,23 @@ def excel_unicode_text() -> File:
 def excel_sep_line() -> File:
     run = joint_run(19, 250.0, 12.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "t/ms", "%.1f", 1e-3, start=120.0),
-            _channel(run, "output_position", "phi_ab/°", "%.5f", DEG),
-            _channel(run, "motor_velocity", "n_mot/rpm", "%.2f", -RPM),
-            _channel(run, "motor_current", "I_q/mA", "%.1f", -1e-3),
-            _other("I_d/mA", _white(19, 40.0, rows), "%.1f"),
-            _channel(run, "sensor_torque", "M_sens/Nm", "%.3f"),
-            _channel(run, "temperature", "T_geh/K", "%.2f", zero=KELVIN),
-            _channel(run, "supply_voltage", "U_zk/V", "%.2f"),
-            _same("Fehler", "0", rows),
+            rec.channel(run, "time", "t/ms", "%.1f", 1e-3, start=120.0),
+            rec.channel(run, "output_position", "phi_ab/°", "%.5f", DEG),
+            rec.channel(run, "motor_velocity", "n_mot/rpm", "%.2f", -RPM),
+            rec.channel(run, "motor_current", "I_q/mA", "%.1f", -1e-3),
+            rec.other("I_d/mA", rec.white(19, 40.0, rows), "%.1f"),
+            rec.channel(run, "sensor_torque", "M_sens/Nm", "%.3f"),
+            rec.channel(run, "temperature", "T_geh/K", "%.2f", zero=KELVIN),
+            rec.channel(run, "supply_voltage", "U_zk/V", "%.2f"),
+            rec.same("Fehler", "0", rows),
         ]
     )
-    lines = ["sep=;", _headers(columns, ";", ";"), *_lines(columns, ";", ";")]
-    return _file(
+    lines = ["sep=;", rec.headers(columns, ";", ";"), *rec.lines(columns, ";", ";")]
+    return rec.file(
         "gelenk_80_lauf3.csv",
-        _text(lines, "\r\n", "utf-8-sig"),
+        rec.text(lines, "\r\n", "utf-8-sig"),
         columns,
         facts={"gear_ratio": 80},
     )
@@ -1185,14 +861,14 @@ def japanese_logger() -> File:
         for t in ms.tolist()
     ]
     table = [
-        (_same("日付", "2026/04/07", rows), ""),
+        (rec.same("日付", "2026/04/07", rows), ""),
         (Column("時刻", clock, "time", run["time"], 1e-3), ""),
-        (_channel(run, "output_position", "出力軸角度", "%.4f", DEG), "deg"),
-        (_channel(run, "motor_velocity", "モータ回転数", "%.1f", RPM), "min-1"),
-        (_channel(run, "motor_current", "モータ電流", "%.3f"), "A"),
-        (_channel(run, "reference_torque", "負荷トルク", "%.2f", KGF_CM), "kgf・cm"),
-        (_channel(run, "temperature", "温度", "%.1f"), "℃"),
-        (_same("アラーム", "0", rows), ""),
+        (rec.channel(run, "output_position", "出力軸角度", "%.4f", DEG), "deg"),
+        (rec.channel(run, "motor_velocity", "モータ回転数", "%.1f", RPM), "min-1"),
+        (rec.channel(run, "motor_current", "モータ電流", "%.3f"), "A"),
+        (rec.channel(run, "reference_torque", "負荷トルク", "%.2f", KGF_CM), "kgf・cm"),
+        (rec.channel(run, "temperature", "温度", "%.1f"), "℃"),
+        (rec.same("アラーム", "0", rows), ""),
     ]
     columns = [column for column, _ in table]
     head = [
@@ -1200,12 +876,12 @@ def japanese_logger() -> File:
         "試料,減速比50",
         f"データ数,{rows}",
         "",
-        _headers(columns, ","),
+        rec.headers(columns, ","),
         ",".join(unit for _, unit in table),
     ]
-    return _file(
+    return rec.file(
         "shiken_0407.csv",
-        _text([*head, *_lines(columns, ",")], "\r\n", "cp932"),
+        rec.text([*head, *rec.lines(columns, ",")], "\r\n", "cp932"),
         columns,
         facts={"gear_ratio": 50},
     )
@@ -1222,18 +898,18 @@ def arduino_serial() -> File:
     run["time"] = np.round(run["time"] + np.random.default_rng(21).uniform(0, 8e-5, rows), 6)
     run["time"] -= run["time"][0]
     columns = [
-        _channel(run, "time", "", "%d", 1e-6, start=2_104_388),
-        _channel(run, "motor_position", "", "%d", REV / 2000),
-        _channel(run, "output_position", "", "%d", REV / 16384),
-        _other("", np.rint(512 + 18 * run["motor_current"]), "%d"),
-        _other("", np.rint(255 * run["duty"]), "%d"),
+        rec.channel(run, "time", "", "%d", 1e-6, start=2_104_388),
+        rec.channel(run, "motor_position", "", "%d", REV / 2000),
+        rec.channel(run, "output_position", "", "%d", REV / 16384),
+        rec.other("", np.rint(512 + 18 * run["motor_current"]), "%d"),
+        rec.other("", np.rint(255 * run["duty"]), "%d"),
     ]
-    lines = _lines(columns, ",")
+    lines = rec.lines(columns, ",")
     broken = ["88,-31407,-2571,512,0", "joint rig v2 ready", *lines]
     unknown = "no name and no unit: numbers alone"
-    return _file(
+    return rec.file(
         "putty.log",
-        (_text(broken, "\r\n") + lines[-1][:9].encode()),
+        (rec.text(broken, "\r\n") + lines[-1][:9].encode()),
         columns,
         ambiguous={
             "time": "no name; µs, as a loop of 10 ms is likelier than one of 10 s",
@@ -1281,7 +957,7 @@ def pandas_iso() -> File:
     return File(
         "run_j4.csv",
         frame.to_csv(lineterminator="\n").encode(),
-        **_kept(run, {"time": 1e-6, **names}),
+        **rec.kept(run, {"time": 1e-6, **names}),
         facts={"gear_ratio": 160},
         ambiguous={"reference_torque": "ft_sensor may be the joint's own or one beside it"},
     )
@@ -1296,24 +972,24 @@ def stm32_swo() -> File:
     run = joint_run(23, 500.0, 6.0, ratio=120.0, motion="sines")
     rows = run["time"].size
     columns = [
-        _channel(run, "time", "tick", "%d", 1e-3, start=88_412),
-        _other("state", np.where(np.arange(rows) < 40, 0x0231, 0x0237), "0x%04X"),
-        _channel(run, "output_position", "enc_out", "%d", REV / 2**19),
-        _channel(run, "motor_position", "enc_mot", "%d", -REV / 4096),
-        _channel(run, "motor_current", "iq_mA", "%d", -1e-3),
-        _channel(run, "sensor_torque", "tau_mNm", "%d", -1e-3),
-        _channel(run, "temperature", "temp_dC", "%d", 0.1),
+        rec.channel(run, "time", "tick", "%d", 1e-3, start=88_412),
+        rec.other("state", np.where(np.arange(rows) < 40, 0x0231, 0x0237), "0x%04X"),
+        rec.channel(run, "output_position", "enc_out", "%d", REV / 2**19),
+        rec.channel(run, "motor_position", "enc_mot", "%d", -REV / 4096),
+        rec.channel(run, "motor_current", "iq_mA", "%d", -1e-3),
+        rec.channel(run, "sensor_torque", "tau_mNm", "%d", -1e-3),
+        rec.channel(run, "temperature", "temp_dC", "%d", 0.1),
     ]
-    columns.append(_other("crc", np.random.default_rng(23).integers(0, 65536, rows), "%04x"))
+    columns.append(rec.other("crc", np.random.default_rng(23).integers(0, 65536, rows), "%04x"))
     head = [
         "// joint controller fw 1.4.2, built Jan 12 2026",
         "// enc_out: 19 bit per turn, enc_mot: 4096 counts per turn",
         "// tick: HAL_GetTick, 1 ms",
-        "// " + _headers(columns, ", "),
+        "// " + rec.headers(columns, ", "),
     ]
-    return _file(
+    return rec.file(
         "swo_trace.log",
-        _text([*head, *_lines(columns, ", ")]),
+        rec.text([*head, *rec.lines(columns, ", ")]),
         columns,
         facts={"gear_ratio": 120},
         ambiguous={
@@ -1336,25 +1012,25 @@ def aligned_hash() -> File:
     run["sensor_torque"] = np.where(lost, np.nan, run["sensor_torque"])
     torque = [f"{x:12.5f}" for x in run["sensor_torque"]]
     columns = [
-        _channel(run, "time", "t[s]", "%10.4f", start=0.004),
-        _channel(run, "output_position", "q[rad]", "%12.7f"),
-        _channel(run, "output_velocity", "dq[rad/s]", "%12.6f"),
-        _channel(run, "motor_position", "theta[rad]", "%14.5f"),
-        _channel(run, "motor_torque", "tau_m[Nm]", "%12.6f"),
+        rec.channel(run, "time", "t[s]", "%10.4f", start=0.004),
+        rec.channel(run, "output_position", "q[rad]", "%12.7f"),
+        rec.channel(run, "output_velocity", "dq[rad/s]", "%12.6f"),
+        rec.channel(run, "motor_position", "theta[rad]", "%14.5f"),
+        rec.channel(run, "motor_torque", "tau_m[Nm]", "%12.6f"),
         Column("tau_s[Nm]", torque, "sensor_torque", run["sensor_torque"], 1e-5),
-        _channel(run, "commanded_position", "q_d[rad]", "%12.7f"),
+        rec.channel(run, "commanded_position", "q_d[rad]", "%12.7f"),
     ]
-    lines = _lines(columns, " ")
+    lines = rec.lines(columns, " ")
     lines[rows // 3 : rows // 3] = ["", ""]
     head = [
         "# jointlog 0.9",
         "# started 2026-02-03 17:22:01",
         "# gear ratio: 100",
-        "#     " + _headers(columns, "   "),
+        "#     " + rec.headers(columns, "   "),
     ]
-    return _file(
+    return rec.file(
         "jointlog_017.dat",
-        _text([*head, *lines, f"# stopped, {rows} rows"]),
+        rec.text([*head, *lines, f"# stopped, {rows} rows"]),
         columns,
         facts={"gear_ratio": 100},
     )
@@ -1423,7 +1099,7 @@ def simulink_mat5() -> File:
     savemat(content, {"ScopeData": scope, "tout": tout, "Kp": 450.0}, do_compression=True)
     channels = {"time": 0.0} | {c: 0.0 for c, _ in signals.values() if c}
     return File(
-        "scope_run3.mat", content.getvalue(), **_kept(run, channels), facts={"gear_ratio": 100}
+        "scope_run3.mat", content.getvalue(), **rec.kept(run, channels), facts={"gear_ratio": 100}
     )
 
 
@@ -1463,7 +1139,7 @@ def matlab_v73() -> File:
     return File(
         "elbow_log.mat",
         content,
-        **_kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
+        **rec.kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
         facts={"gear_ratio": 80},
         ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
     )
@@ -1500,7 +1176,7 @@ def hdf5_groups() -> File:
             group = file.create_group(f"joint_{joint}")
             group.attrs["gear_ratio"] = 160
             for name, (channel, unit, word) in table.items():
-                values = run[channel] / unit if joint == 2 else _still(joint, 0.4, rows)
+                values = run[channel] / unit if joint == 2 else rec.still(joint, 0.4, rows)
                 group.create_dataset(name, data=values, compression="gzip").attrs["unit"] = word
         room = file.create_group("ambient")
         room.create_dataset("time", data=ticks[:: rows // 12]).attrs["unit"] = "ns"
@@ -1508,7 +1184,7 @@ def hdf5_groups() -> File:
     return File(
         "rig_2026-02-13.h5",
         buffer.getvalue(),
-        **_kept(run, {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()}),
+        **rec.kept(run, {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()}),
         facts={"gear_ratio": 160},
         ambiguous={
             "sensor_torque": "torque may be that of the motor or that of the joint's sensor"
@@ -1542,7 +1218,7 @@ def numpy_npz() -> File:
     return File(
         "run_28.npz",
         buffer.getvalue(),
-        **_kept(run, _single(run, names.values()) | {"time": 0.0}),
+        **rec.kept(run, rec.single(run, names.values()) | {"time": 0.0}),
         facts={"gear_ratio": 101},
         ambiguous={
             "gear_ratio": "101 turns; JSON in meta says 100 with the circular spline at the output",
@@ -1578,7 +1254,7 @@ def numpy_structured() -> File:
     return File(
         "capture.npy",
         buffer.getvalue(),
-        **_kept(run, {channel: unit for channel, unit, _ in fields.values()}),
+        **rec.kept(run, {channel: unit for channel, unit, _ in fields.values()}),
         ambiguous={
             "output_position": "counts without a resolution",
             "motor_position": "counts without a resolution",

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from figure_layout import figure_faults, page_faults
-from fit_logs import FRICTION, WIDTH, autoregressive, chosen, friction, log_with, motion, simulated
+from fit_logs import FRICTION, chosen, fitted, friction, log_with, motion, run_of, simulated
 from matplotlib.figure import Figure
 
 import flexspline
@@ -19,12 +19,9 @@ from flexspline.logs.writing import write_log
 from flexspline.model import Part
 from flexspline.plot.comparison import missed_over
 
-HELD = {"direction_width": WIDTH}
-
 
 def log_of(seed: int, samples: int = 1000, **more) -> Log:
-    noise = autoregressive(np.random.default_rng(seed), samples)
-    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}", **more)
+    return run_of(seed, samples, **more)
 
 
 @cache
@@ -32,19 +29,14 @@ def runs() -> tuple[Log, ...]:
     return tuple(log_of(seed) for seed in range(4))
 
 
-def fitted(effects, logs=None, **more) -> flexspline.Fit:
-    options = {"fixed": HELD, "checks": False, **more}
-    return flexspline.fit(effects, logs or runs(), "sensor_torque", **options)
-
-
 @cache
 def whole() -> flexspline.Fit:
-    return fitted(friction())
+    return fitted(friction(), runs())
 
 
 @cache
 def small() -> flexspline.Fit:
-    return fitted(friction()[:2])
+    return fitted(friction()[:2], runs())
 
 
 @cache
@@ -81,7 +73,7 @@ def test_runs_that_a_fit_saw_and_others_stand_side_by_side():
 
 def test_all_models_are_judged_by_the_same_rows():
     """A loop's first rows do not count; the model without a loop is not judged by them either."""
-    loop = fitted([*friction(), "presliding_friction"])
+    loop = fitted([*friction(), "presliding_friction"], runs())
     made = flexspline.compare_models({"loop": loop, "small": small()}, runs())
     told = [np.isfinite(run.held_out) for run in loop.runs]
     assert 0 < made.rows == sum(int(rows.sum()) for rows in told) < 4000
@@ -111,19 +103,19 @@ def test_criteria_are_those_of_the_fits_where_they_are_of_the_same_rows_and_else
     assert compared().aic == pytest.approx([whole().aic, small().aic])
     assert compared().bic == pytest.approx([whole().bic, small().bic])
     fewer = fitted(friction(), runs()[:3])
-    smooth = fitted(friction(), lowpass=10.0)
+    smooth = fitted(friction(), runs(), lowpass=10.0)
     for other in (fewer, smooth):
         made = flexspline.compare_models({"whole": whole(), "other": other}, runs())
         assert np.isnan([*made.aic, *made.bic]).all()
         assert "AIC" in str(made).split("left out")[0] and "different rows" in str(made)
-    robust = fitted(friction(), options=flexspline.FitOptions(robust="huber"))
+    robust = fitted(friction(), runs(), options=flexspline.FitOptions(robust="huber"))
     made = flexspline.compare_models({"whole": whole(), "small": small(), "robust": robust}, runs())
     assert list(np.isnan(made.aic)) == [False, False, True]
     assert "'robust' has no AIC or BIC: robust weights" in str(made)
 
 
 def test_a_low_pass_is_on_measured_and_modelled_alike():
-    smooth = fitted(friction(), lowpass=10.0)
+    smooth = fitted(friction(), runs(), lowpass=10.0)
     made = flexspline.compare_models({"smooth": smooth, "true": truth()}, runs(), lowpass=10.0)
     assert made.kinds()[-1] == (HELD_OUT, PREDICTED)
     assert made.errors()[-1, 0] == pytest.approx(smooth.cv_rmse)

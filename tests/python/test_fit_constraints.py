@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
+from fit_logs import (
+    FRICTION,
+    HELD,
+    WIDTH,
+    autoregressive,
+    fitted,
+    friction,
+    log_with,
+    motion,
+    rows_of,
+    simulated,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-import flexspline
 from flexspline import effect
 from flexspline.effects import CATALOGUE
 
-HELD = {"direction_width": WIDTH}
 SIGMA = 0.05
 
 
 def log_of(seed: int = 0, samples: int = 2000):
     noise = SIGMA * np.random.default_rng(seed).normal(size=samples)
     return simulated(friction(), FRICTION, motion(seed, samples), noise)
-
-
-def fitted(effects, log, **options):
-    options.setdefault("fixed", HELD)
-    return flexspline.fit(effects, log, "sensor_torque", checks=False, **options)
 
 
 # Fixed and bounded coefficients

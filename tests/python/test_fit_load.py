@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fit_logs import WIDTH, autoregressive, chosen, log_with, motion, rows_of, simulated
+from fit_logs import WIDTH, autoregressive, chosen, fitted, log_with, motion, rows_of, simulated
 
-import flexspline
 from flexspline import InputError, effect
 from flexspline.least_squares.linear import PLAIN, Settling
 from flexspline.signals import target_of
 
-HELD = {"direction_width": WIDTH}
 LOADED = [
     "offset",
     effect("coulomb_friction", direction_width=WIDTH),
@@ -20,11 +18,6 @@ LOADED = [
     "gravity",
 ]
 TRUTH = np.array([-0.12, 0.3, 0.08, 0.4, 3.0, -0.5])
-
-
-def fitted(effects, log, **options):
-    options.setdefault("fixed", HELD)
-    return flexspline.fit(effects, log, "sensor_torque", checks=False, **options)
 
 
 def test_the_rows_hold_the_load_of_inertia_and_gravity():

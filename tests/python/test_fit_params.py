@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 import report_fits
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
+from fit_logs import FRICTION, HELD, fitted, friction, log_with, motion, rows_of, run_of, simulated
 from output_error_logs import EFFECTS, law, runs
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
@@ -23,7 +23,6 @@ from flexspline.logs.log import Log
 from flexspline.output_error.fitting import with_servo_torque
 from flexspline.report.text import parameter_lines
 
-HELD = {"direction_width": WIDTH}
 FITS = {
     "plain": report_fits.plain_fit,
     "confounded": report_fits.confounded_fit,
@@ -33,13 +32,7 @@ FITS = {
 
 
 def log_of(seed: int, samples: int = 700, phi: float = 0.9, shift: float = 0.0) -> Log:
-    noise = autoregressive(np.random.default_rng(seed), samples, phi) + shift
-    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}")
-
-
-def fitted(logs, effects=None, **more) -> Fit:
-    more.setdefault("fixed", HELD)
-    return flexspline.fit(effects or friction(), logs, "sensor_torque", checks=False, **more)
+    return run_of(seed, samples, phi, shift)
 
 
 @cache
@@ -78,7 +71,10 @@ def test_a_name_that_may_be_two_or_none_is_refused_in_words():
 
 def test_bounds_are_those_that_were_given_and_shapes_have_those_of_the_catalogue():
     fit = fitted(
-        log_of(1), fixed={}, bounds={"inertia": (0.0, None), "direction_width": (0.01, 0.2)}
+        friction(),
+        log_of(1),
+        fixed={},
+        bounds={"inertia": (0.0, None), "direction_width": (0.01, 0.2)},
     )
     assert fit.params["inertia"].bounds == (0.0, None)
     assert fit.params["direction_width"].bounds == (0.01, 0.2)
@@ -141,7 +137,7 @@ def test_covariance_and_correlation_go_by_name_and_are_nan_where_there_is_no_err
 
 
 def test_the_covariance_of_two_parameters_is_that_of_their_scatter():
-    draws = [fitted(log_of(seed)) for seed in range(80)]
+    draws = [fitted(friction(), log_of(seed)) for seed in range(80)]
     names = ["coulomb_friction.level", "viscous_friction.viscosity"]
     scatter = np.corrcoef([[fit.params[name].value for fit in draws] for name in names])[0, 1]
     told = np.mean([fit.correlation_frame().loc[names[0], names[1]] for fit in draws])
@@ -150,7 +146,7 @@ def test_the_covariance_of_two_parameters_is_that_of_their_scatter():
 
 def test_offsets_taken_out_of_many_runs_have_their_error_and_no_made_up_covariance():
     logs = [log_of(seed, 300) for seed in range(16)]
-    frame = fitted(logs, options=FitOptions(offset_per_run=True)).covariance_frame()
+    frame = fitted(friction(), logs, options=FitOptions(offset_per_run=True)).covariance_frame()
     assert frame.loc["offset.run 3", "offset.run 3"] > 0.0
     assert np.isnan(frame.loc["offset.run 3", "inertia.inertia"])
 
@@ -183,7 +179,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance_over_runs_and_gaps():
     keep = np.r_[0:150, 180:400]
     gap = {name: logs[2][name][keep] for name in logs[2].channels}
     logs[2] = Log.from_arrays(facts={"name": "gap"}, **gap)
-    fit = fitted(logs)
+    fit = fitted(friction(), logs)
     assert fit.uncertainty.noise.order >= 1
     blocks = [(rows_of(friction(), log), log["sensor_torque"]) for log in logs]
     last = blocks.pop()
@@ -199,7 +195,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance_over_runs_and_gaps():
 
 def test_aic_is_minus_twice_the_log_density_of_scipy_and_two_for_each_parameter():
     log = log_of(1, 500)
-    fit = fitted(log)
+    fit = fitted(friction(), log)
     noise, rows, y = fit.uncertainty.noise, rows_of(friction(), log), log["sensor_torque"]
     pulse = lfilter([1.0], noise.denominator, np.eye(1, 20_000)[0])
     shape = toeplitz([pulse[: len(pulse) - k] @ pulse[k:] for k in range(len(y))])
@@ -215,7 +211,7 @@ def test_aic_is_minus_twice_the_log_density_of_scipy_and_two_for_each_parameter(
 
 def test_the_likelihood_counts_a_prior_as_part_of_a_parameter():
     log, error = log_of(5), 0.002
-    fit = fitted(log, priors={"coulomb_friction": (0.301, error)})
+    fit = fitted(friction(), log, priors={"coulomb_friction": (0.301, error)})
     noise = fit.uncertainty.noise
     known, pull = np.zeros((4, 4)), np.zeros(4)
     known[1, 1] = noise.innovation_variance / error**2
@@ -227,7 +223,7 @@ def test_the_likelihood_counts_a_prior_as_part_of_a_parameter():
 
 def test_the_likelihood_has_an_offset_of_each_run_that_is_taken_out():
     logs = [log_of(seed, 200, shift=0.1 * seed) for seed in range(16)]
-    fit = fitted(logs, options=FitOptions(offset_per_run=True))
+    fit = fitted(friction(), logs, options=FitOptions(offset_per_run=True))
     assert fit.solved.tangent.problem.centred
     blocks = []
     for k, log in enumerate(logs):
@@ -241,8 +237,8 @@ def test_the_likelihood_has_an_offset_of_each_run_that_is_taken_out():
 
 def test_a_direction_that_no_row_tells_is_no_parameter():
     """Offset and Coulomb friction are the sum and the difference of friction per direction."""
-    whole = fitted(log_of(1))
-    twice = fitted(log_of(1), [*friction(), "coulomb_friction_per_direction"])
+    whole = fitted(friction(), log_of(1))
+    twice = fitted([*friction(), "coulomb_friction_per_direction"], log_of(1))
     assert len(twice.parameters) == len(whole.parameters) + 2 and twice.confounded
     assert twice.likelihood.parameters == pytest.approx(whole.likelihood.parameters)
     assert twice.aic == pytest.approx(whole.aic, rel=1e-9)
@@ -257,7 +253,8 @@ def test_an_effect_that_is_not_there_wins_by_aic_as_seldom_as_chance_allows():
         warm = 25.0 + 3.0 * np.sin(0.7 * log["time"])
         odd = log_with(channels, temperature=warm)
         held = {**HELD, "temperature_drift.quadratic": 0.0}
-        small, large = fitted(odd), fitted(odd, [*friction(), "temperature_drift"], fixed=held)
+        small = fitted(friction(), odd)
+        large = fitted([*friction(), "temperature_drift"], odd, fixed=held)
         same = small.uncertainty.noise.order == large.uncertainty.noise.order
         won += large.aic < small.aic if same else 0
         apart += [large.aic - small.aic] if same else []
@@ -269,17 +266,17 @@ def test_an_effect_that_is_not_there_wins_by_aic_as_seldom_as_chance_allows():
 
 
 def test_an_effect_that_is_there_wins_by_aic_and_bic():
-    small, large = fitted(log_of(1), friction()[:2]), fitted(log_of(1))
+    small, large = fitted(friction()[:2], log_of(1)), fitted(friction(), log_of(1))
     assert large.aic < small.aic - 10 and large.bic < small.bic - 10
 
 
 def test_rows_without_noise_are_infinitely_likely():
     exact = simulated(friction(), FRICTION, motion(1), 0.0)
-    assert fitted(exact).aic < -1e4
+    assert fitted(friction(), exact).aic < -1e4
 
 
 def test_what_has_no_likelihood_says_why():
-    robust = fitted(log_of(1), options=FitOptions(robust="huber"))
+    robust = fitted(friction(), log_of(1), options=FitOptions(robust="huber"))
     with pytest.raises(InputError, match="robust weights are no Gaussian noise"):
         _ = robust.aic
     with pytest.raises(InputError, match="fit of the motion"):
@@ -290,7 +287,7 @@ def test_what_has_no_likelihood_says_why():
 
 @pytest.mark.parametrize("lowpass", [None, 10.0])
 def test_a_fit_that_was_pickled_has_the_likelihood_that_it_had(lowpass):
-    fit = fitted(log_of(1, 1500), lowpass=lowpass)
+    fit = fitted(friction(), log_of(1, 1500), lowpass=lowpass)
     again = pickle.loads(pickle.dumps(fit))
     assert again.aic == fit.aic
     assert (fit.likelihood.rows < 700) == (lowpass is not None)

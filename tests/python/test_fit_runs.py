@@ -10,16 +10,16 @@ import pytest
 from fit_logs import (
     FRICTION,
     WIDTH,
-    autoregressive,
     chosen,
+    fitted,
     friction,
     log_with,
     motion,
     rows_of,
+    run_of,
     simulated,
 )
 
-import flexspline
 from flexspline import FitOptions, effect
 from flexspline.least_squares.estimate import huber_weights
 from flexspline.least_squares.linear import fit_linear
@@ -27,17 +27,9 @@ from flexspline.least_squares.options import coefficient_names, constraints_of
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.derive import lowpass_log
 
-HELD = {"direction_width": WIDTH}
-
 
 def log_of(seed: int, samples: int = 2000, shift: float = 0.0):
-    noise = autoregressive(np.random.default_rng(seed), samples) + shift
-    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}")
-
-
-def fitted(logs, effects=None, **options):
-    options.setdefault("fixed", HELD)
-    return flexspline.fit(effects or friction(), logs, "sensor_torque", checks=False, **options)
+    return run_of(seed, samples, shift=shift)
 
 
 def posed(logs, effects, **options):
@@ -58,12 +50,12 @@ def test_runs_of_unequal_length_are_one_least_squares_problem():
     rows = np.concatenate([rows_of(friction(), log) for log in logs])
     y = np.concatenate([log["sensor_torque"] for log in logs])
     best = np.linalg.lstsq(rows, y, rcond=None)[0]
-    assert fitted(logs).part.coefficients == pytest.approx(best, rel=1e-10)
+    assert fitted(friction(), logs).part.coefficients == pytest.approx(best, rel=1e-10)
 
 
 def test_the_order_of_the_runs_does_not_matter():
     logs = [log_of(seed, 1000 + 200 * seed) for seed in range(4)]
-    forth, back = fitted(logs), fitted(logs[::-1])
+    forth, back = fitted(friction(), logs), fitted(friction(), logs[::-1])
     assert back.part.coefficients == pytest.approx(forth.part.coefficients, rel=1e-12)
     errors = [[p.standard_error for p in fit.parameters[:4]] for fit in (forth, back)]
     assert errors[0] == pytest.approx(errors[1], rel=1e-6)
@@ -73,7 +65,7 @@ def test_the_order_of_the_runs_does_not_matter():
 def test_an_offset_for_each_run_is_found_and_the_model_keeps_their_mean():
     shifts = [0.0, 0.3, -0.2]
     logs = [log_of(seed, 2000, shift) for seed, shift in enumerate(shifts)]
-    fit = fitted(logs, options=FitOptions(offset_per_run=True))
+    fit = fitted(friction(), logs, options=FitOptions(offset_per_run=True))
     for seed, shift in enumerate(shifts):
         offset = fit[f"offset.run {seed}"]
         assert abs(offset.value - (-0.12 + shift)) < 4 * offset.standard_error < 0.1
@@ -86,13 +78,14 @@ def test_an_offset_for_each_run_is_found_and_the_model_keeps_their_mean():
     best = np.linalg.lstsq(np.hstack([rows, own]), y, rcond=None)[0]
     values = [p.value for p in fit.parameters if p.kind == "coefficient"]
     assert values == pytest.approx(best, rel=1e-9)
-    assert fitted(logs).rmse > 2 * fit.rmse
+    assert fitted(friction(), logs).rmse > 2 * fit.rmse
 
 
 def test_runs_of_one_name_have_offsets_of_different_names():
     logs = [log_of(0), log_of(1)]
     logs = [log.with_facts({"name": "run"}) for log in logs]
-    names = [p.name for p in fitted(logs, options=FitOptions(offset_per_run=True)).parameters]
+    fit = fitted(friction(), logs, options=FitOptions(offset_per_run=True))
+    names = [p.name for p in fit.parameters]
     assert "offset.run (1)" in names and "offset.run (2)" in names
 
 
@@ -102,7 +95,7 @@ def test_a_gap_in_time_only_separates_the_noise_on_its_two_sides():
     keep[1000:1400] = False
     gappy = log.rows(keep, note="400 rows lost")
     parts = [log.rows(slice(0, 1000), note="first"), log.rows(slice(1400, 3000), note="second")]
-    one, two = fitted(gappy), fitted(parts)
+    one, two = fitted(friction(), gappy), fitted(friction(), parts)
     assert one.part.coefficients == pytest.approx(two.part.coefficients, rel=1e-12)
     for name in ("offset", "level", "viscosity", "inertia"):
         assert one[name].standard_error == pytest.approx(two[name].standard_error, rel=1e-9)
@@ -120,9 +113,9 @@ def test_the_length_of_the_blocks_does_not_matter(rows):
 @pytest.mark.parametrize("lowpass", [None, 5.0])
 def test_the_length_of_the_pieces_that_the_errors_are_read_in_does_not_matter(lowpass, monkeypatch):
     logs = [log_of(1), log_of(2, 700)]
-    whole = fitted(logs, lowpass=lowpass)
+    whole = fitted(friction(), logs, lowpass=lowpass)
     monkeypatch.setattr(sys.modules["flexspline.least_squares.problem"], "CHUNK", 333)
-    pieces = fitted(logs, lowpass=lowpass)
+    pieces = fitted(friction(), logs, lowpass=lowpass)
     assert [p.standard_error for p in pieces.parameters[:4]] == pytest.approx(
         [p.standard_error for p in whole.parameters[:4]], rel=1e-6
     )
@@ -175,7 +168,7 @@ def passed(frequency: float, cutoff: float) -> float:
 @pytest.mark.parametrize("order", [4, 8, 16])
 def test_a_low_pass_on_target_and_rows_alike_leaves_the_ripple_unbiased(order):
     effects, log = ripple_log(order)
-    fit = fitted(log, effects, lowpass=1.0, fixed={})
+    fit = fitted(effects, log, lowpass=1.0, fixed={})
     for name, truth in ((f"cosine {order}", 0.2), (f"sine {order}", 0.1)):
         assert abs(fit[name].value - truth) < 4 * fit[name].standard_error < 0.02
 
@@ -184,7 +177,7 @@ def test_a_low_pass_on_target_and_rows_alike_leaves_the_ripple_unbiased(order):
 def test_a_low_pass_on_the_target_alone_takes_the_filters_gain_off_the_ripple(order):
     effects, log = ripple_log(order)
     smooth = lowpass_log(log, 1.0, ("sensor_torque",)).rows(slice(500, -500), note="ends cut")
-    fit = fitted(smooth, effects, fixed={})
+    fit = fitted(effects, smooth, fixed={})
     gain = passed(order * 0.5 / (2 * np.pi), 1.0)
     amplitude = np.hypot(fit[f"cosine {order}"].value, fit[f"sine {order}"].value)
     assert amplitude / np.hypot(0.2, 0.1) == pytest.approx(gain, abs=0.01)
@@ -196,7 +189,7 @@ def test_a_low_pass_on_the_target_alone_takes_the_filters_gain_off_the_ripple(or
 
 def test_rows_that_the_filter_sees_from_one_side_do_not_count():
     effects, log = ripple_log(4, samples=3000)
-    fit = fitted(log, effects, lowpass=1.0, fixed={})
+    fit = fitted(effects, log, lowpass=1.0, fixed={})
     counts = fit.runs[0].counts
     assert not counts[:100].any() and not counts[-100:].any()
     assert counts[110:-110].all()
@@ -233,8 +226,9 @@ def test_the_weights_are_those_of_huber_about_the_median_deviation():
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_pushes_move_a_robust_fit_by_less_than_its_errors_but_least_squares_by_far_more(seed):
     clean, spoilt = pushed(seed)
-    truth = fitted(clean)
-    robust, plain = fitted(spoilt, options=FitOptions(robust="huber")), fitted(spoilt)
+    truth = fitted(friction(), clean)
+    robust = fitted(friction(), spoilt, options=FitOptions(robust="huber"))
+    plain = fitted(friction(), spoilt)
     for name in ("level", "viscosity", "inertia"):
         moved = abs(robust[name].value - truth[name].value)
         assert moved < 2 * robust[name].standard_error
@@ -245,14 +239,15 @@ def test_pushes_move_a_robust_fit_by_less_than_its_errors_but_least_squares_by_f
 
 def test_a_robust_fit_of_clean_data_is_nearly_least_squares():
     clean, _ = pushed(4)
-    plain, robust = fitted(clean), fitted(clean, options=FitOptions(robust="huber"))
+    plain = fitted(friction(), clean)
+    robust = fitted(friction(), clean, options=FitOptions(robust="huber"))
     for name in ("offset", "level", "viscosity", "inertia"):
         assert abs(plain[name].value - robust[name].value) < plain[name].standard_error
 
 
 def test_a_robust_fit_is_the_fixed_point_of_its_weights():
     _, spoilt = pushed(5)
-    fit = fitted(spoilt, options=FitOptions(robust="huber"))
+    fit = fitted(friction(), spoilt, options=FitOptions(robust="huber"))
     residual = fit.runs[0].residual
     (weights,) = huber_weights([residual], [fit.runs[0].counts])
     rows = rows_of(friction(), spoilt)
@@ -267,7 +262,7 @@ def test_weights_low_pass_and_ill_condition_go_together():
     effects = chosen("offset", effect("output_ripple", orders=[1, 2, 3]))
     noise = 0.02 * np.random.default_rng(0).standard_t(2, size=2000)
     log = simulated(effects, [0.1, 0.2, 0.1, 0.05, 0.0, 0.0, 0.1], channels, noise)
-    fit = fitted(log, effects, fixed={}, lowpass=10.0, options=FitOptions(robust="huber"))
+    fit = fitted(effects, log, fixed={}, lowpass=10.0, options=FitOptions(robust="huber"))
     (run,) = posed([log], effects, lowpass_hz=10.0).runs
     rows = posed([log], effects, lowpass_hz=10.0).rows(effects, 0, np.empty(0))
     counts = fit.runs[0].counts
@@ -280,6 +275,6 @@ def test_weights_low_pass_and_ill_condition_go_together():
 
 def test_a_robust_fit_finds_the_direction_width_too():
     _, spoilt = pushed(6)
-    fit = fitted(spoilt, options=FitOptions(robust="huber"), fixed={})
+    fit = fitted(friction(), spoilt, options=FitOptions(robust="huber"), fixed={})
     width = fit["direction_width"]
     assert abs(width.value - WIDTH) < 4 * width.standard_error < WIDTH

@@ -6,24 +6,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
+from fit_logs import FRICTION, HELD, fitted, friction, log_with, motion, rows_of, run_of, simulated
 
-import flexspline
 from flexspline.least_squares.estimate import Given, estimate
 from flexspline.least_squares.problem import problem_of
 from flexspline.least_squares.validation import bands, cross_validate, score, scores_of
 
-HELD = {"direction_width": WIDTH}
-
 
 def log_of(seed: int, samples: int = 1600):
-    noise = autoregressive(np.random.default_rng(seed), samples)
-    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}")
-
-
-def fitted(logs, **options):
-    options.setdefault("fixed", HELD)
-    return flexspline.fit(friction(), logs, "sensor_torque", checks=False, **options)
+    return run_of(seed, samples)
 
 
 def refitted(train: list[tuple[np.ndarray, np.ndarray]], rows, y):
@@ -39,7 +30,7 @@ def refitted(train: list[tuple[np.ndarray, np.ndarray]], rows, y):
 
 def test_four_runs_are_left_out_one_by_one_as_refits_without_them_would():
     logs = [log_of(seed, 800 + 100 * seed) for seed in range(4)]
-    fit = fitted(logs)
+    fit = fitted(friction(), logs)
     assert (fit.validated_by, fit.folds) == ("runs", 4)
     tables = [(rows_of(friction(), log), log["sensor_torque"]) for log in logs]
     for k in range(4):
@@ -52,7 +43,7 @@ def test_four_runs_are_left_out_one_by_one_as_refits_without_them_would():
 @pytest.mark.parametrize("runs", [1, 2, 3])
 def test_fewer_runs_are_cut_into_contiguous_blocks(runs):
     logs = [log_of(seed) for seed in range(runs)]
-    fit = fitted(logs)
+    fit = fitted(friction(), logs)
     assert fit.validated_by == "blocks"
     count = max(2, round(8 / runs))
     assert fit.folds == count * runs
@@ -70,9 +61,9 @@ def test_fewer_runs_are_cut_into_contiguous_blocks(runs):
 
 def test_shapes_are_refitted_to_first_order():
     logs = [log_of(seed) for seed in range(4)]
-    fit = fitted(logs, fixed={})
+    fit = fitted(friction(), logs, fixed={})
     for k in range(4):
-        other = fitted(logs[:k] + logs[k + 1 :], fixed={})
+        other = fitted(friction(), logs[:k] + logs[k + 1 :], fixed={})
         brute = other.predict(logs[k]).residual
         moved = brute - fit.runs[k].residual
         gap = fit.runs[k].held_out - brute
@@ -82,8 +73,8 @@ def test_shapes_are_refitted_to_first_order():
 
 def test_a_prior_stays_in_every_fold():
     log = log_of(3)
-    fit = fitted(log, priors={"inertia": (0.5, 1e-7)})
-    pinned = fitted(log, fixed={**HELD, "inertia": 0.5})
+    fit = fitted(friction(), log, priors={"inertia": (0.5, 1e-7)})
+    pinned = fitted(friction(), log, fixed={**HELD, "inertia": 0.5})
     assert fit.runs[0].held_out == pytest.approx(pinned.runs[0].held_out, abs=1e-5)
 
 
@@ -93,7 +84,7 @@ def test_a_fold_that_alone_excites_a_parameter_does_not_break_the_validation():
     channels["output_acceleration"][400:] = 0.0
     noise = 0.01 * np.random.default_rng(0).normal(size=1600)
     log = simulated(friction(), FRICTION, channels, noise)
-    fit = fitted(log)
+    fit = fitted(friction(), log)
     assert np.isfinite(fit.runs[0].held_out).all()
     assert fit.cv_rmse >= fit.rmse
 
@@ -154,12 +145,12 @@ def test_rows_are_told_by_direction_speed_temperature_and_nearness_to_a_reversal
 
 def test_each_run_has_its_score():
     logs = [log_of(0), log_of(1)]
-    found = {s.label: s for s in fitted(logs).scores if s.group == "run"}
+    found = {s.label: s for s in fitted(friction(), logs).scores if s.group == "run"}
     assert set(found) == {"run 0", "run 1"} and found["run 0"].rows == 1600
 
 
 def test_speed_bands_hold_about_as_many_rows_each_and_leave_no_moving_row_out():
-    fit = fitted(log_of(2, 4000))
+    fit = fitted(friction(), log_of(2, 4000))
     parts = [s for s in fit.scores if s.group == "speed"]
     moving = sum(s.rows for s in fit.scores if s.label in ("forward", "backward"))
     assert len(parts) == 5 and sum(s.rows for s in parts) == moving

@@ -18,7 +18,8 @@ import pytest
 from cli_calls import call
 from fresh_recorders import FRESH_RECORDERS
 from more_recorders import MORE_RECORDERS
-from recorders import RECORDERS, Recorder
+from recorder_files import Recorder
+from recorders import RECORDERS
 from unseen_recorders import UNSEEN_RECORDERS
 
 import flexspline

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from fit_logs import (
     FRICTION,
+    HELD,
     WIDTH,
     autoregressive,
     chosen,
+    fitted,
     friction,
     log_with,
     motion,
@@ -21,11 +23,9 @@ from fit_logs import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import flexspline
 from flexspline import FitOptions, effect
 from flexspline.least_squares.identifiability import _reduced
 
-HELD = {"direction_width": WIDTH}
 RIPPLE = effect("output_ripple", orders=[1, 2])
 PER_DIRECTION = [
     "offset",
@@ -41,11 +41,6 @@ TRUTH = np.array([*FRICTION, 0.1, 0.04, -0.05, 0.03])
 def log_of(seed: int = 0, samples: int = 2000):
     noise = autoregressive(np.random.default_rng(seed), samples)
     return simulated(WELL_POSED, TRUTH, motion(seed, samples), noise)
-
-
-def fitted(effects, log, **options):
-    options.setdefault("fixed", HELD)
-    return flexspline.fit(effects, log, "sensor_torque", checks=False, **options)
 
 
 def groups(fit) -> list[set[str]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas
 import pytest
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
+from fit_logs import FRICTION, autoregressive, fitted, friction, motion, simulated
 
 import flexspline
 from flexspline import InputError, Log
@@ -17,7 +17,6 @@ from flexspline.logs.read import as_logs
 from flexspline.logs.writing import write_log
 
 EFFECTS = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
-HELD = {"direction_width": WIDTH}
 
 
 def run() -> Log:
@@ -43,14 +42,10 @@ SOURCES: dict[str, Callable[[Path], Any]] = {
 }
 
 
-def fitted(logs: Any) -> flexspline.Fit:
-    return flexspline.fit(EFFECTS, logs, "sensor_torque", fixed=HELD, checks=False)
-
-
 @pytest.mark.parametrize("source", SOURCES)
 def test_a_fit_and_all_that_follows_take_what_can_be_read(source: str, tmp_path: Path) -> None:
-    given, own = SOURCES[source](tmp_path), fitted(run())
-    made = fitted([given])
+    given, own = SOURCES[source](tmp_path), fitted(EFFECTS, run())
+    made = fitted(EFFECTS, [given])
     assert made.part.coefficients == pytest.approx(own.part.coefficients, rel=1e-9)
     assert made.predict(given).residual == pytest.approx(own.predict(run()).residual, abs=1e-9)
     assert set(made.model.components(given)) == set(EFFECTS)
@@ -80,8 +75,8 @@ def test_one_is_one_and_several_are_a_list(tmp_path: Path) -> None:
 )
 def test_what_is_no_log_is_told_in_a_sentence(wrong: Any, says: str) -> None:
     for call in (
-        lambda: fitted(wrong),
-        lambda: flexspline.compare(fitted(run()).model, wrong),
+        lambda: fitted(EFFECTS, wrong),
+        lambda: flexspline.compare(fitted(EFFECTS, run()).model, wrong),
         lambda: flexspline.discover(EFFECTS, wrong, target="sensor_torque"),
         lambda: flexspline.calibrate(wrong),
     ):

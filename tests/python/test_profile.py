@@ -8,7 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from figure_layout import figure_faults
-from fit_logs import FRICTION, WIDTH, autoregressive, chosen, friction, motion, rows_of, simulated
+from fit_logs import (
+    FRICTION,
+    HELD,
+    WIDTH,
+    autoregressive,
+    chosen,
+    friction,
+    motion,
+    rows_of,
+    simulated,
+)
 from matplotlib.figure import Figure
 from scipy.stats import binom, chi2
 from scipy.stats import f as fisher
@@ -21,7 +31,6 @@ from flexspline.formatting import short
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 
-HELD = {"direction_width": WIDTH}
 VELOCITY = "stribeck_friction.stribeck_velocity"
 NAMES = ["offset", "coulomb_friction", "viscous_friction", "stribeck_friction"]
 

@@ -14,7 +14,8 @@ import pandas as pd
 import pytest
 from fresh_recorders import FRESH_RECORDERS
 from more_recorders import MORE_RECORDERS
-from recorders import RECORDERS, Recorder, joint_run
+from recorder_files import Recorder, joint_run
+from recorders import RECORDERS
 from scipy.io import loadmat
 from unseen_recorders import UNSEEN_RECORDERS
 

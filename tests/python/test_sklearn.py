@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 import pytest
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
+from fit_logs import WIDTH, friction, run_of
 
 import flexspline
 from flexspline import FitOptions, InputError, Model
@@ -52,8 +52,7 @@ def test_it_keeps_the_contract_of_scikit_learn(estimator, check):
 
 
 def log_of(seed: int, samples: int = 1500) -> Log:
-    noise = autoregressive(np.random.default_rng(seed), samples)
-    return simulated(friction(), FRICTION, motion(seed, samples), noise, f"run {seed}")
+    return run_of(seed, samples)
 
 
 def arrays(log: Log) -> tuple[np.ndarray, np.ndarray]:

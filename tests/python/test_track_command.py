@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli_calls import call
 from figure_layout import figure_faults, page_faults
-from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
+from fit_logs import FRICTION, HELD, WIDTH, autoregressive, friction, motion, simulated
 from worn_joints import NAMES, ramp, worn_history
 
 import flexspline
@@ -21,7 +21,6 @@ from flexspline.logs.writing import write_log
 from flexspline.tracking import History, history_of, track
 
 EFFECTS = "offset,coulomb_friction,viscous_friction,inertia"
-HELD = {"direction_width": WIDTH}
 COUNT, ONSET = 14, 8
 
 

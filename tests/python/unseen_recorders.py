@@ -12,35 +12,11 @@ import io
 
 import h5py
 import numpy as np
-from more_recorders import WHERE, _filtered, _stamps
-from recorders import (
-    DEG,
-    OWN_OR_BESIDE,
-    REV,
-    RPM,
-    Column,
-    File,
-    Recorders,
-    _channel,
-    _commas,
-    _file,
-    _headers,
-    _kept,
-    _lines,
-    _other,
-    _same,
-    _single,
-    _still,
-    _table,
-    _text,
-    _white,
-    joint_run,
-)
+import recorder_files as rec
+from recorder_files import DEG, REV, RPM, Column, File, joint_run
 from scipy.io import savemat
 
-NO_UNIT = "its unit is stated nowhere"
-
-_recorder = Recorders()
+_recorder = rec.Recorders()
 
 
 # English
@@ -53,19 +29,19 @@ _recorder = Recorders()
 def labview_spreadsheet() -> File:
     run = joint_run(201, 200.0, 15.0, ratio=100.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
-    supply = 0.35 + np.abs(run["duty"] * run["motor_current"]) + _white(201, 0.01, rows)
+    supply = 0.35 + np.abs(run["duty"] * run["motor_current"]) + rec.white(201, 0.01, rows)
     columns = [
-        _channel(run, "time", "Time (s)", "%.3f", start=3_853_412_907.115),
-        _channel(run, "output_position", "Output_Encoder (deg)", "%.4f", DEG),
-        _channel(run, "motor_position", "Motor_Encoder (deg)", "%.3f", DEG),
-        _channel(run, "sensor_torque", "Torque_Sensor (Nm)", "%.4f", -1.0),
-        _channel(run, "motor_current", "Motor_Current (mA)", "%.2f", 1e-3),
-        _other("Supply_Current (A)", supply, "%.3f"),
-        _channel(run, "supply_voltage", "Supply_Voltage (V)", "%.2f"),
-        _channel(run, "motor_temperature", "T_Motor (C)", "%.2f"),
-        _channel(run, "temperature", "T_Housing (C)", "%.2f"),
+        rec.channel(run, "time", "Time (s)", "%.3f", start=3_853_412_907.115),
+        rec.channel(run, "output_position", "Output_Encoder (deg)", "%.4f", DEG),
+        rec.channel(run, "motor_position", "Motor_Encoder (deg)", "%.3f", DEG),
+        rec.channel(run, "sensor_torque", "Torque_Sensor (Nm)", "%.4f", -1.0),
+        rec.channel(run, "motor_current", "Motor_Current (mA)", "%.2f", 1e-3),
+        rec.other("Supply_Current (A)", supply, "%.3f"),
+        rec.channel(run, "supply_voltage", "Supply_Voltage (V)", "%.2f"),
+        rec.channel(run, "motor_temperature", "T_Motor (C)", "%.2f"),
+        rec.channel(run, "temperature", "T_Housing (C)", "%.2f"),
     ]
-    return _table(
+    return rec.table(
         "Joint_Test_03.txt",
         columns,
         "\t",
@@ -85,20 +61,20 @@ def python_ft_sensor() -> File:
     run["time"] = run["time"] + late - late[0]
     angle = run["output_position"]
     columns = [
-        _channel(run, "time", "timestamp", "%.6f", start=1_776_161_412.331_802),
-        _channel(run, "output_position", "EncOut_deg", "%.4f", DEG, wrap=360.0),
-        _channel(run, "motor_position", "EncMot_deg", "%.2f", DEG),
-        _channel(run, "motor_velocity", "MotSpeed_rpm", "%.1f", RPM),
-        _channel(run, "motor_current", "Iq", "%.4f"),
-        _other("Id", _white(2021, 0.04, rows), "%.4f"),
-        _other("Fx", 58.0 * np.cos(angle) + _white(2022, 0.3, rows), "%.3f"),
-        _other("Fy", -58.0 * np.sin(angle) + _white(2023, 0.3, rows), "%.3f"),
-        _other("Fz", 2.1 + _white(2024, 0.3, rows), "%.3f"),
-        _other("Mx", 0.8 * np.cos(angle) + _white(2025, 0.02, rows), "%.4f"),
-        _other("My", -0.8 * np.sin(angle) + _white(2026, 0.02, rows), "%.4f"),
-        _channel(run, "reference_torque", "Mz", "%.4f"),
+        rec.channel(run, "time", "timestamp", "%.6f", start=1_776_161_412.331_802),
+        rec.channel(run, "output_position", "EncOut_deg", "%.4f", DEG, wrap=360.0),
+        rec.channel(run, "motor_position", "EncMot_deg", "%.2f", DEG),
+        rec.channel(run, "motor_velocity", "MotSpeed_rpm", "%.1f", RPM),
+        rec.channel(run, "motor_current", "Iq", "%.4f"),
+        rec.other("Id", rec.white(2021, 0.04, rows), "%.4f"),
+        rec.other("Fx", 58.0 * np.cos(angle) + rec.white(2022, 0.3, rows), "%.3f"),
+        rec.other("Fy", -58.0 * np.sin(angle) + rec.white(2023, 0.3, rows), "%.3f"),
+        rec.other("Fz", 2.1 + rec.white(2024, 0.3, rows), "%.3f"),
+        rec.other("Mx", 0.8 * np.cos(angle) + rec.white(2025, 0.02, rows), "%.4f"),
+        rec.other("My", -0.8 * np.sin(angle) + rec.white(2026, 0.02, rows), "%.4f"),
+        rec.channel(run, "reference_torque", "Mz", "%.4f"),
     ]
-    return _table(
+    return rec.table(
         "log_20260414_121012.csv",
         columns,
         ",",
@@ -120,33 +96,33 @@ def python_ft_sensor() -> File:
 def plc_axis() -> File:
     run = joint_run(203, 500.0, 8.0, ratio=100.0, motion="trapezoids")
     rows = run["time"].size
-    run["output_velocity"] = _filtered(run["output_velocity"], 500.0, 4e-3)
+    run["output_velocity"] = rec.filtered(run["output_velocity"], 500.0, 4e-3)
     command = run["commanded_position"]
     speed = np.gradient(command, run["time"])
     columns = [
-        _channel(run, "time", "Time_ms", "%d", 1e-3, start=412_086),
-        _channel(run, "commanded_position", "PosSet", "%.4f", DEG),
-        _channel(run, "output_position", "PosAct", "%.4f", DEG),
-        _other("PosFollowErr", (command - run["output_position"]) / DEG, "%.4f"),
-        _other("VelSet", speed / DEG, "%.3f"),
-        _channel(run, "output_velocity", "VelAct", "%.3f", DEG),
-        _other("VelFollowErr", (speed - run["output_velocity"]) / DEG, "%.3f"),
-        _channel(run, "motor_torque", "TrqAct", "%.1f", 0.64e-2),
-        _channel(run, "motor_velocity", "MotSpeed", "%.1f", RPM),
-        _same("StatusWord", "4663", rows),
-        _same("ErrorId", "0", rows),
+        rec.channel(run, "time", "Time_ms", "%d", 1e-3, start=412_086),
+        rec.channel(run, "commanded_position", "PosSet", "%.4f", DEG),
+        rec.channel(run, "output_position", "PosAct", "%.4f", DEG),
+        rec.other("PosFollowErr", (command - run["output_position"]) / DEG, "%.4f"),
+        rec.other("VelSet", speed / DEG, "%.3f"),
+        rec.channel(run, "output_velocity", "VelAct", "%.3f", DEG),
+        rec.other("VelFollowErr", (speed - run["output_velocity"]) / DEG, "%.3f"),
+        rec.channel(run, "motor_torque", "TrqAct", "%.1f", 0.64e-2),
+        rec.channel(run, "motor_velocity", "MotSpeed", "%.1f", RPM),
+        rec.same("StatusWord", "4663", rows),
+        rec.same("ErrorId", "0", rows),
     ]
-    return _table(
+    return rec.table(
         "Axis2_Trace.csv",
         columns,
         ";",
         "\r\n",
         facts={"gear_ratio": 100},
         ambiguous={
-            "commanded_position": NO_UNIT,
-            "output_position": NO_UNIT,
-            "output_velocity": NO_UNIT,
-            "motor_velocity": NO_UNIT,
+            "commanded_position": rec.NO_UNIT,
+            "output_position": rec.NO_UNIT,
+            "output_velocity": rec.NO_UNIT,
+            "motor_velocity": rec.NO_UNIT,
             "motor_torque": "no unit; per cent of a rated torque that is not in the file",
             "gear_ratio": "speeds of both sides without a unit are known to a factor alone",
         },
@@ -164,17 +140,17 @@ def drive_recorder() -> File:
     command = 100.0 * run["commanded_position"]
     command += np.mean(run["motor_position"] - command)
     columns = [
-        _channel(run, "time", "Time [s]", "%.4f"),
-        _other("Position Command [cnt]", command / count, "%.0f"),
-        _channel(run, "motor_position", "Position [cnt]", "%d", count),
-        _other("Position Error [cnt]", (command - run["motor_position"]) / count, "%.0f"),
-        _channel(run, "motor_velocity", "Velocity [cnt/sec]", "%d", count),
-        _channel(run, "motor_current", "Active Current [A]", "%.4f"),
-        _channel(run, "supply_voltage", "Bus Voltage [V]", "%.2f"),
-        _other("Drive Temperature [C]", 41.0 + _white(2041, 0.2, rows), "%.0f"),
+        rec.channel(run, "time", "Time [s]", "%.4f"),
+        rec.other("Position Command [cnt]", command / count, "%.0f"),
+        rec.channel(run, "motor_position", "Position [cnt]", "%d", count),
+        rec.other("Position Error [cnt]", (command - run["motor_position"]) / count, "%.0f"),
+        rec.channel(run, "motor_velocity", "Velocity [cnt/sec]", "%d", count),
+        rec.channel(run, "motor_current", "Active Current [A]", "%.4f"),
+        rec.channel(run, "supply_voltage", "Bus Voltage [V]", "%.2f"),
+        rec.other("Drive Temperature [C]", 41.0 + rec.white(2041, 0.2, rows), "%.0f"),
     ]
     head = ["Drive recording, axis A1", "Date: 14/04/2026 16:20:05", "Sampling time: 1000 us", ""]
-    return _table(
+    return rec.table(
         "Recording 4.csv",
         columns,
         ",",
@@ -212,9 +188,9 @@ def matlab_workspace() -> File:
     return File(
         "sine_2kg_run1.mat",
         content.getvalue(),
-        **_kept(run, dict.fromkeys(channels, 0.0)),
+        **rec.kept(run, dict.fromkeys(channels, 0.0)),
         facts={"gear_ratio": 120},
-        ambiguous=dict.fromkeys(channels[1:], NO_UNIT),
+        ambiguous=dict.fromkeys(channels[1:], rec.NO_UNIT),
     )
 
 
@@ -241,7 +217,7 @@ def hdf5_matrices() -> File:
         file.create_dataset("Timestamp", data=ticks).attrs["unit"] = "us"
         for k, (name, (channel, unit, word, held)) in enumerate(matrices.items()):
             joints = [
-                run[channel] / unit if j == 2 else _still(2060 + 10 * k + j, held[j], rows)
+                run[channel] / unit if j == 2 else rec.still(2060 + 10 * k + j, held[j], rows)
                 for j in range(4)
             ]
             data = np.stack(joints, axis=1).astype(np.float32)
@@ -250,7 +226,7 @@ def hdf5_matrices() -> File:
     return File(
         "arm4_elbow.h5",
         buffer.getvalue(),
-        **_kept(run, {"time": 1e-6} | _single(run, channels)),
+        **rec.kept(run, {"time": 1e-6} | rec.single(run, channels)),
         facts={"gear_ratio": 101},
         ambiguous={
             "sensor_torque": "a joint's torque may be measured in it or made from the current",
@@ -265,26 +241,26 @@ def hdf5_matrices() -> File:
 def arduino_monitor() -> File:
     run = joint_run(207, 50.0, 50.0, ratio=80.0, pace=0.8)
     columns = [
-        _channel(run, "time", "millis", "%d", 1e-3, start=8_312),
-        _channel(run, "output_position", "theta_deg", "%.2f", DEG),
-        _channel(run, "motor_velocity", "motor_rpm", "%.1f", RPM),
-        _channel(run, "motor_current", "current_mA", "%d", 1e-3),
-        _channel(run, "reference_torque", "loadcell_Nm", "%.2f"),
-        _channel(run, "temperature", "temp_C", "%.1f"),
+        rec.channel(run, "time", "millis", "%d", 1e-3, start=8_312),
+        rec.channel(run, "output_position", "theta_deg", "%.2f", DEG),
+        rec.channel(run, "motor_velocity", "motor_rpm", "%.1f", RPM),
+        rec.channel(run, "motor_current", "current_mA", "%d", 1e-3),
+        rec.channel(run, "reference_torque", "loadcell_Nm", "%.2f"),
+        rec.channel(run, "temperature", "temp_C", "%.1f"),
     ]
-    sent = ["4,-0.41,21.8", "HX711 ready", _headers(columns, ","), *_lines(columns, ",")]
+    sent = ["4,-0.41,21.8", "HX711 ready", rec.headers(columns, ","), *rec.lines(columns, ",")]
     waits = np.concatenate([[0.0, 0.4, 0.41], run["time"] + 0.43])
     waits = waits + np.random.default_rng(207).uniform(0.0, 4e-3, waits.size)
-    moments, _ = _stamps(waits, "2026-04-15T14:22:31.407", "ms")
+    moments, _ = rec.stamps(waits, "2026-04-15T14:22:31.407", "ms")
     shown = [f"{moment[11:]} -> {line}" for moment, line in zip(moments, sent, strict=True)]
-    return _file(
+    return rec.file(
         "serial_log.txt",
-        _text(shown, "\r\n"),
+        rec.text(shown, "\r\n"),
         columns,
         facts={"gear_ratio": 80},
         ambiguous={
             "time": "two clocks: that of the board, and that of the monitor, up to 4 ms later",
-            "temperature": WHERE,
+            "temperature": rec.WHERE,
         },
     )
 
@@ -299,26 +275,26 @@ def arduino_monitor() -> File:
 def german_messwelle() -> File:
     run = joint_run(208, 200.0, 20.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
     table = [
-        (_channel(run, "time", "Zeit", "%.3f"), "s"),
-        (_channel(run, "motor_velocity", "Drehzahl_Motor", "%.2f", RPM), "1/min"),
-        (_channel(run, "output_position", "Winkel_Abtrieb", "%.4f", DEG), "°"),
-        (_channel(run, "reference_torque", "Drehmoment_Messwelle", "%.3f"), "N·m"),
-        (_channel(run, "motor_current", "Strom_Motor", "%.3f"), "A"),
-        (_channel(run, "motor_temperature", "Temperatur_1", "%.1f"), "°C"),
-        (_channel(run, "temperature", "Temperatur_2", "%.1f"), "°C"),
+        (rec.channel(run, "time", "Zeit", "%.3f"), "s"),
+        (rec.channel(run, "motor_velocity", "Drehzahl_Motor", "%.2f", RPM), "1/min"),
+        (rec.channel(run, "output_position", "Winkel_Abtrieb", "%.4f", DEG), "°"),
+        (rec.channel(run, "reference_torque", "Drehmoment_Messwelle", "%.3f"), "N·m"),
+        (rec.channel(run, "motor_current", "Strom_Motor", "%.3f"), "A"),
+        (rec.channel(run, "motor_temperature", "Temperatur_1", "%.1f"), "°C"),
+        (rec.channel(run, "temperature", "Temperatur_2", "%.1f"), "°C"),
     ]
-    columns = _commas([column for column, _ in table])
+    columns = rec.commas([column for column, _ in table])
     head = [
         "Prüfling:;Wellgetriebe Größe 25, Nr. 0417",
         "Prüfer:;Hofmann",
         "Datum:;16.04.2026 10:41",
         "",
-        _headers(columns, ";"),
+        rec.headers(columns, ";"),
         ";".join(unit for _, unit in table),
     ]
-    return _file(
+    return rec.file(
         "Versuch_017.csv",
-        _text([*head, *_lines(columns, ";")], "\r\n", "cp1252"),
+        rec.text([*head, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
         facts={"gear_ratio": 160},
         ambiguous={
@@ -335,25 +311,25 @@ def german_messwelle() -> File:
 )
 def italian_bench() -> File:
     run = joint_run(209, 250.0, 14.0, ratio=80.0, torque_constant=0.12)
-    columns = _commas(
+    columns = rec.commas(
         [
-            _channel(run, "time", "Tempo (ms)", "%d", 1e-3),
-            _channel(run, "output_position", "Angolo uscita (gradi)", "%.4f", DEG),
-            _channel(run, "motor_position", "Angolo motore (gradi)", "%.2f", -DEG),
-            _channel(run, "motor_velocity", "Velocità motore (giri/min)", "%.1f", -RPM),
-            _channel(run, "motor_current", "Corrente motore (A)", "%.3f", -1.0),
-            _channel(run, "sensor_torque", "Coppia (Nm)", "%.3f"),
-            _channel(run, "temperature", "Temp. riduttore (°C)", "%.1f"),
+            rec.channel(run, "time", "Tempo (ms)", "%d", 1e-3),
+            rec.channel(run, "output_position", "Angolo uscita (gradi)", "%.4f", DEG),
+            rec.channel(run, "motor_position", "Angolo motore (gradi)", "%.2f", -DEG),
+            rec.channel(run, "motor_velocity", "Velocità motore (giri/min)", "%.1f", -RPM),
+            rec.channel(run, "motor_current", "Corrente motore (A)", "%.3f", -1.0),
+            rec.channel(run, "sensor_torque", "Coppia (Nm)", "%.3f"),
+            rec.channel(run, "temperature", "Temp. riduttore (°C)", "%.1f"),
         ]
     )
-    return _table(
+    return rec.table(
         "prova_giunto_2.csv",
         columns,
         ";",
         "\r\n",
         "cp1252",
         facts={"gear_ratio": 80},
-        ambiguous={"sensor_torque": OWN_OR_BESIDE},
+        ambiguous={"sensor_torque": rec.OWN_OR_BESIDE},
     )
 
 
@@ -383,7 +359,7 @@ def npz_counts() -> File:
     return File(
         "step_test_a.npz",
         buffer.getvalue(),
-        **_kept(run, {channel: step for channel, step, _, _ in fields.values()}),
+        **rec.kept(run, {channel: step for channel, step, _, _ in fields.values()}),
         facts={"gear_ratio": 100},
     )
 
@@ -395,35 +371,35 @@ def npz_counts() -> File:
 def joint_controller_iso() -> File:
     run = joint_run(211, 250.0, 16.0, ratio=160.0, torque_constant=0.06)
     rows = run["time"].size
-    stamps, run["time"] = _stamps(run["time"], "2026-04-17T07:58:40.216", "ms")
+    stamps, run["time"] = rec.stamps(run["time"], "2026-04-17T07:58:40.216", "ms")
     command = run["commanded_position"]
     speed = np.gradient(command, run["time"])
-    wanted = run["reference_torque"] + _white(2111, 0.2, rows)
+    wanted = run["reference_torque"] + rec.white(2111, 0.2, rows)
     state = ["READY"] * 25 + ["RUN"] * (rows - 25)
     columns = [
         Column("timestamp", [stamp + "Z" for stamp in stamps], "time", run["time"], 1e-3),
-        _same("joint", "J3", rows),
+        rec.same("joint", "J3", rows),
         Column("state", state),
-        _channel(run, "commanded_position", "q_des", "%.6f"),
-        _channel(run, "output_position", "q_act", "%.6f"),
-        _other("q_err", command - run["output_position"], "%.6f"),
-        _other("dq_des", speed, "%.5f"),
-        _channel(run, "output_velocity", "dq_act", "%.5f"),
-        _other("dq_err", speed - run["output_velocity"], "%.5f"),
-        _other("tau_des", wanted, "%.3f"),
-        _channel(run, "sensor_torque", "tau_act", "%.3f"),
-        _other("tau_err", wanted - run["sensor_torque"], "%.3f"),
-        _channel(run, "motor_position", "motor_pos", "%.4f"),
-        _channel(run, "motor_current", "motor_current", "%.3f"),
-        _channel(run, "motor_temperature", "temp_winding_degC", "%.1f"),
+        rec.channel(run, "commanded_position", "q_des", "%.6f"),
+        rec.channel(run, "output_position", "q_act", "%.6f"),
+        rec.other("q_err", command - run["output_position"], "%.6f"),
+        rec.other("dq_des", speed, "%.5f"),
+        rec.channel(run, "output_velocity", "dq_act", "%.5f"),
+        rec.other("dq_err", speed - run["output_velocity"], "%.5f"),
+        rec.other("tau_des", wanted, "%.3f"),
+        rec.channel(run, "sensor_torque", "tau_act", "%.3f"),
+        rec.other("tau_err", wanted - run["sensor_torque"], "%.3f"),
+        rec.channel(run, "motor_position", "motor_pos", "%.4f"),
+        rec.channel(run, "motor_current", "motor_current", "%.3f"),
+        rec.channel(run, "motor_temperature", "temp_winding_degC", "%.1f"),
     ]
     unitless = [c.channel for c in columns[3:-1] if c.channel]
-    return _table(
+    return rec.table(
         "J3_2026-04-17T0758.csv",
         columns,
         ",",
         facts={"gear_ratio": 160},
-        ambiguous=dict.fromkeys(unitless, NO_UNIT)
+        ambiguous=dict.fromkeys(unitless, rec.NO_UNIT)
         | {
             "sensor_torque": "no unit; tau_act may be measured or made from the current",
             "gear_ratio": "that both angles have one unit is likely, but not stated",
@@ -439,20 +415,20 @@ def sensor_bench() -> File:
     run = joint_run(212, 500.0, 8.0, ratio=120.0, motion="trapezoids", torque_constant=0.15)
     run["sensor_voltage"] = 1e-3 * (0.52 * run["sensor_torque"] + 0.31)
     columns = [
-        _channel(run, "time", "t_us", "%d", 1e-6, start=1_204_118),
-        _channel(run, "output_position", "link_angle_deg", "%.5f", DEG),
-        _channel(run, "motor_position", "motor_angle_deg", "%.3f", DEG, wrap=360.0),
-        _channel(run, "motor_current", "motor_current_A", "%.4f"),
-        _channel(run, "sensor_voltage", "bridge_mV", "%.5f", 1e-3),
-        _channel(run, "reference_torque", "T_ref_Nm", "%.3f"),
-        _channel(run, "temperature", "temp_sensor_C", "%.2f"),
+        rec.channel(run, "time", "t_us", "%d", 1e-6, start=1_204_118),
+        rec.channel(run, "output_position", "link_angle_deg", "%.5f", DEG),
+        rec.channel(run, "motor_position", "motor_angle_deg", "%.3f", DEG, wrap=360.0),
+        rec.channel(run, "motor_current", "motor_current_A", "%.4f"),
+        rec.channel(run, "sensor_voltage", "bridge_mV", "%.5f", 1e-3),
+        rec.channel(run, "reference_torque", "T_ref_Nm", "%.3f"),
+        rec.channel(run, "temperature", "temp_sensor_C", "%.2f"),
     ]
     head = [
         "# JTS bench, gauge set B, excitation 5.0 V",
         "# gear 120:1, lever 0.60 m, 3.0 kg",
         "# 2026-04-17 15:12:48",
     ]
-    return _table(
+    return rec.table(
         "jts_B_cal4.csv",
         columns,
         ",",

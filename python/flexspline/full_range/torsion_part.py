@@ -330,31 +330,16 @@ def torsion_part_from_datasheet(
     """
     if output_spline not in ("circular", "flex"):
         raise InputError(f"output_spline is {output_spline!r}; give 'circular' or 'flex'")
+    stated = {"K1": K1, "K2": K2, "K3": K3, "T1": T1, "T2": T2, "lost_motion": lost_motion}
     made = compliance_from_datasheet(
-        K1,
-        K2,
-        K3,
-        T1,
-        T2,
-        lost_motion=lost_motion,
-        gear_ratio=gear_ratio,
-        lost_motion_torque=lost_motion_torque,
+        **stated, gear_ratio=gear_ratio, lost_motion_torque=lost_motion_torque
     )
     torque = np.linspace(T1 / 2.0, T2, 200)
     curve = np.interp(torque, [0.0, T1, T2], [0.0, T1 / K1, T1 / K1 + (T2 - T1) / K2])
     law = -_core.mesh_torsion(
         torque, mesh_stiffness=made.mesh_stiffness, mesh_shape=made.mesh_shape
     )
-    record = {
-        "datasheet": {
-            "K1": K1,
-            "K2": K2,
-            "K3": K3,
-            "T1": T1,
-            "T2": T2,
-            "lost_motion": lost_motion,
-            "largest_difference_up_to_T2": float(np.max(np.abs(law / curve - 1.0))),
-        }
-    }
+    largest = float(np.max(np.abs(law / curve - 1.0)))
+    record = {"datasheet": {**stated, "largest_difference_up_to_T2": largest}}
     ratio = gear_ratio + (output_spline == "circular")
     return torsion_part(made, ratio, known_load=known_load, record=record)

@@ -13,7 +13,7 @@ from hidden.forms import FORMS, RIPPLE, Form
 from hidden.noise import NOISES
 from hidden.recorder import Recorder
 from hidden.rig import EXCITATIONS, JOINTS, Array, Scene, scene
-from hidden.size import Sizing, Term, sized
+from hidden.size import Size, Sizing, Term, sized
 from hidden.unknown import UNKNOWN
 
 __all__ = ["HELD_OUT", "IN_TORSION", "Made", "base_of", "forms_in", "known_of", "made_of",
@@ -33,8 +33,8 @@ class Made:
     """Runs to look at and runs that are held out.
 
     `scenes`: of all runs, those held out last. `terms`: each hidden term at its size, arrays (N,)
-    of all runs. `clean`: base and hidden terms without the noise; `measured`: with it. `t_base`: t
-    of each term beside the base and the other terms alone; `closest`: the rival that leaves least.
+    of all runs, as `sizes` have it. `clean`: base and hidden terms without the noise; `measured`:
+    with it.
 
     Of a recorded case: `logs` are recorded, `held_out` exact and `unseen` the same runs recorded;
     `small`: effects that are there besides.
@@ -48,11 +48,20 @@ class Made:
     clean: Term
     measured: Term
     sizing: Sizing
-    t_base: dict[str, float]
-    closest: dict[str, str]
+    sizes: dict[str, Size]
     small: tuple[str, ...] = ()
     recorder: Recorder | None = None
     unseen: tuple[Log, ...] = ()
+
+    @property
+    def t_base(self) -> dict[str, float]:
+        """t of each term beside the base and the other terms alone."""
+        return {name: one.t_base for name, one in self.sizes.items()}
+
+    @property
+    def closest(self) -> dict[str, str]:
+        """The rival of each term that leaves least."""
+        return {name: one.closest for name, one in self.sizes.items()}
 
     @property
     def exact(self) -> tuple[Log, ...]:
@@ -98,8 +107,7 @@ def made_of(case: Case) -> Made:
         clean,
         measured,
         sizing,
-        {name: one.t_base for name, one in sizes.items()},
-        {name: one.closest for name, one in sizes.items()},
+        sizes,
     )
 
 

@@ -49,6 +49,8 @@ Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""
 OWN_LOAD = f"only with inertia or gravity beside it, for {KNOWN} is not there"
 """What an effect of the load takes where the load is not known."""
+STILL = (0.0, "rad/s", "the joint does not move")
+"""What a run without motion lacks; what to record is each demand's own."""
 STATE = ("State gear_ratio.", "State pole_pairs.")
 """What to do where a fact is not known, and so neither what a run lacks."""
 
@@ -282,7 +284,7 @@ LOADED = changing(KNOWN, 0.0, "Nm")
 def both_directions(log: Log, motion: Motion | None) -> Lack | None:
     """A tenth of the moving rows at least in each direction."""
     if motion is None:
-        return 0.0, "rad/s", "the joint does not move", "Record a run that moves both ways."
+        return *STILL, "Record a run that moves both ways."
     limit = 0.05 * float(np.percentile(np.abs(motion.velocity), 95))
     moving = motion.velocity[np.abs(motion.velocity) > limit]
     share = float(np.mean(moving > 0)) if moving.size else 0.0
@@ -303,7 +305,7 @@ def speeds(ratio: float) -> Need:
 
     def need(log: Log, motion: Motion | None) -> Lack | None:
         if motion is None:
-            return 0.0, "rad/s", "the joint does not move", "Record a run that moves."
+            return *STILL, "Record a run that moves."
         speed = np.abs(motion.velocity)
         moving = speed[speed > 0.02 * np.percentile(speed, 99)]
         low, high = (float(x) for x in np.percentile(moving, (10, 90)))
@@ -323,7 +325,7 @@ def speeds(ratio: float) -> Need:
 def low_speeds(log: Log, motion: Motion | None) -> Lack | None:
     """One row in a hundred at least that moves at less than a fifth of the top speed."""
     if motion is None:
-        return 0.0, "rad/s", "the joint does not move", "Record a run that moves slowly."
+        return *STILL, "Record a run that moves slowly."
     speed = np.abs(motion.velocity)
     top = float(np.percentile(speed, 99))
     share = float(np.mean((speed > 0.01 * top) & (speed < 0.2 * top)))
@@ -380,7 +382,7 @@ def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
 
     def need(log: Log, motion: Motion | None) -> Lack | None:
         if motion is None:
-            return 0.0, "rad/s", "the joint does not move", "Record a run that moves."
+            return *STILL, "Record a run that moves."
         ratio = log.effective_ratio
         if ratio is None:
             return 0.0, "", "no gear ratio is stated", STATE[0]
