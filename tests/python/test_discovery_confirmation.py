@@ -408,7 +408,8 @@ def test_of_a_step_whose_load_does_not_settle_the_search_tells_the_error() -> No
         left_by={"one": searched}.__getitem__,
     )
     sizes = {"base": 4.0, "two": 2.0}
-    fit: Any = SimpleNamespace(runs=[SimpleNamespace(held_out=np.array([1.0, -1.0, np.nan]))])
+    held_out = np.array([1.0, -1.0, np.nan])
+    fit: Any = SimpleNamespace(runs=[SimpleNamespace(held_out=held_out)], cv_rmse=1.0)
 
     def left_by(work: Any) -> tuple[NDArray[np.float64], ...]:
         if work == "one":
@@ -417,7 +418,7 @@ def test_of_a_step_whose_load_does_not_settle_the_search_tells_the_error() -> No
 
     steps = confirmation._steps(made, fit, left_by)
     assert steps.rmse == [4.0, 3.0, 2.0, 1.0]
-    assert np.isnan(steps.before[0][1]) and steps.after[0] is fit.runs[0].held_out
+    assert np.isnan(steps.before[0][1]) and steps.after[0] is held_out
 
 
 def test_names_that_lower_it_together_stay_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -279,7 +279,7 @@ def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) ->
         return Steps(before, before, [rmse_of(before)])
     between = [rmse_of(_left(made, work, left_by)) for work in made.nested[1:-1]]
     after = tuple(run.held_out for run in fit.runs)
-    return Steps(before, after, [rmse_of(before), *between, rmse_of(after)])
+    return Steps(before, after, [rmse_of(before), *between, fit.cv_rmse])
 
 
 def _left(made: Analysis, work: Working, left_by: Callable[[Working], Residuals]) -> Residuals:
