@@ -1,7 +1,7 @@
 """The table of a recorded class: shares with their intervals and bars, and what is kept of a name.
 
 a name lowers the error     on three runs that nobody fitted (`laws.py`)
-a name is told from zero    its coefficients together are, in the final fit, at the level `TOLD`
+a name is told from zero    a coefficient of it is two standard errors from zero in the final fit
 """
 
 from __future__ import annotations

@@ -36,7 +36,6 @@ __all__ = [
 ]
 
 ALIAS = 3.0  # t that the noise-free term keeps beside a declared alias, for it to be a real one
-TOLD = 0.05  # p of all coefficients of a name being zero, as two standard errors are of one
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,8 @@ class Outcome:
     (nothing is tried then); `wrong`, whether any name or fault is; `also_seen`; `small`, what was
     there besides; `rmse` of each name, before and after it as `discover` reports them; `unseen`,
     the same on runs that nobody saw, with the difference of squares in its standard errors
-    (`laws.py`); `told`, whether the coefficients of the name together are told from zero at the
-    level `TOLD`; `error`, what `discover` or its model raised.
+    (`laws.py`); `told`, whether a coefficient of the name is more than two standard errors from
+    zero; `error`, what `discover` or its model raised.
     """
 
     case: Case
@@ -194,8 +193,14 @@ def outcome_recorded(case: Case, made: Made, found: Discovery, seconds: float) -
         small=made.small,
         rmse=tuple((one.rmse_before, one.rmse_after) for one in found.found),
         unseen=unseen_errors(made, found),
-        told=tuple(one.coefficients_p < TOLD for one in found.found),
+        told=tuple(_told(found, name) for name in found.names),
     )
+
+
+def _told(found: Discovery, name: str) -> bool:
+    """Whether a coefficient of an effect is more than two standard errors from zero."""
+    own = [p for p in found.parameters(name) if p.kind == "coefficient"]
+    return bool(any(abs(p.value) > 2.0 * p.standard_error for p in own))
 
 
 def judged(case: Case, means: tuple[str, ...], unexplained: bool) -> bool:
