@@ -56,6 +56,8 @@ def test_viscous_friction_is_named_alone_and_with_its_size(
     assert abs(level.value - DIFFERENCE / 2.0) < 4.0 * level.standard_error
     assert found.final_rmse < 0.038
     assert found.final_rmse == found.found[0].rmse_after == found.fit.cv_rmse
+    left = np.concatenate([run.held_out for run in found.fit.runs])
+    assert found.final_rmse == pytest.approx(np.sqrt(np.nanmean(left**2)), rel=1e-12)
     if not lowpass:  # both leave rows out, and a search more: at ends of runs
         model = found.base_effects, logs
         alone = flexspline.fit(*model, target="sensor_torque", known_load=LOAD)
