@@ -200,6 +200,15 @@ def test_half_the_steps_change_the_motion_by_what_the_result_says() -> None:
     assert np.isnan(half.step_error)
 
 
+def test_steps_are_no_longer_halved_where_that_leads_nowhere() -> None:
+    """A pendulum thrown over its top has another motion with every step size."""
+    time = np.arange(0.0, 300.0, 0.02)
+    model = drive([("inertia", [INERTIA]), ("gravity", [8.0, 0.0]), ("viscous_friction", [0.1])])
+    made = flexspline.simulate(model, run_of(time, 8.0 * np.sin(2.5 * time)))
+    assert made.step_error > 1.0
+    assert made.steps_per_sample < 64
+
+
 def test_a_torque_that_holds_between_rows_is_another_than_a_linear_one() -> None:
     """A staircase of torque is late by half a row."""
     model = drive([("inertia", [INERTIA])])

@@ -126,7 +126,10 @@ class Motion:
 
 
 def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
-    """Return both models' motion through every fold, None where one of them cannot be driven."""
+    """Return both models' motion through every fold, None where one of them cannot be driven.
+
+    Nor where finer steps give another motion: the least difference decides it there.
+    """
     problem = made.study.problem
     both = (made.base, made.final)
     alone = problem.simulated is None  # a correction is no joint that can be driven
@@ -140,15 +143,19 @@ def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
         return None
 
 
-def _driven(made: Analysis, facts: dict[str, Any]) -> Motion:
+def _driven(made: Analysis, facts: dict[str, Any]) -> Motion | None:
     from flexspline.forward import simulate
 
     problem, runs = made.study.problem, []
+    steps: int | None = None  # as many as the first fold takes
     for first, last in zip(made.before.folds, made.after.folds, strict=True):
         log = problem.runs[first.run].log
         log = log.rows(slice(first.first, first.last), note="one fold")
-        one = simulate(_model(made, made.base, first, facts), log)
-        two = simulate(_model(made, made.final, last, facts), log)
+        one = simulate(_model(made, made.base, first, facts), log, steps_per_sample=steps)
+        two = simulate(_model(made, made.final, last, facts), log, steps_per_sample=steps)
+        if any(run.step_error > SETTINGS.little * run.rmse for run in (one, two)):
+            return None
+        steps = steps or max(one.steps_per_sample, two.steps_per_sample)
         runs.append(HeldRun(log, one.measured, one.simulated, two.simulated))
     return Motion(one.channel, one.unit, tuple(runs))
 

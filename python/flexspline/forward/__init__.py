@@ -63,6 +63,7 @@ _NOISY = 3.0  # standard deviations of the velocity that count as rest
 
 FINE = 1e-5  # rad RMS: half the steps change the motion by no more, where they can be chosen
 MOST_STEPS = 64
+LESS = 0.75  # times as much: half the steps of a method of first order change it half as much
 
 _ROUNDS = 8
 
@@ -532,7 +533,7 @@ def simulate(
     controller : a servo law that takes the place of the measured motor torque (drive only), or the
         path of its `servo.json`; it reads commanded_position.
     steps_per_sample : Runge-Kutta steps of fourth order from row to row, ≥ 1; None: as many as
-        leave an error of 1e-5 rad RMS, at most 64.
+        leave an error of 1e-5 rad RMS, at most 64, and fewer where more do not lessen it.
     inputs : "linear" or "hold": the measured motor torque between rows.
     horizon : s after which a drive begins anew from the measured angle and velocity; None: never
         but behind gaps. A joint that gravity loads is unstable without a servo, and over a long run
@@ -598,10 +599,10 @@ def _along(
 
 
 def _driven(part: Part, log: Log, given: DriveInputs, steps: int | None) -> ForwardRun:
-    error = float("nan")
     if steps is None:
-        steps, error = fine_steps(part, given)
-    found = given.run(part, steps, DRIVEN)
+        steps, error, found = _finely_driven(part, given)
+    else:
+        error, found = float("nan"), given.run(part, steps, DRIVEN)
     _require_bounded(log, found["position"], given)
     motor = "motor_current" if part.target == "motor_current" else "motor_torque"
     columns = {
@@ -617,17 +618,22 @@ def _driven(part: Part, log: Log, given: DriveInputs, steps: int | None) -> Forw
     return ForwardRun(made, "output_position", given.measured, stuck, steps, error, _notes(given))
 
 
-def fine_steps(part: Part, given: DriveInputs) -> tuple[int, float]:
-    """Return the steps from row to row that leave `FINE`, and what half of them change, rad."""
-    steps = 1
-    coarse = given.run(part, steps)["position"]
+def _finely_driven(part: Part, given: DriveInputs) -> tuple[int, float, dict[str, Array]]:
+    """The steps from row to row that leave `FINE`, what half of them change, rad, and `DRIVEN`.
+
+    Where the least difference decides the way on, as that of friction that holds or lets go, each
+    step gives another motion: steps are no longer halved once that changes it by nearly as much as
+    the time before.
+    """
+    steps, before = 1, np.inf
+    coarse = given.run(part, steps)
     while True:
-        fine = given.run(part, 2 * steps)["position"]
-        error = float(np.sqrt(np.nanmean((fine - coarse) ** 2)))
         steps *= 2
-        if not error > FINE or steps >= MOST_STEPS:
-            return steps, error
-        coarse = fine
+        fine = given.run(part, steps, DRIVEN)
+        error = float(np.sqrt(np.nanmean((fine["position"] - coarse["position"]) ** 2)))
+        if not FINE < error < LESS * before or steps >= MOST_STEPS:
+            return steps, error, fine
+        coarse, before = fine, error
 
 
 def _require_bounded(log: Log, position: np.ndarray, given: DriveInputs) -> None:
