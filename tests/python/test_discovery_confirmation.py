@@ -194,8 +194,8 @@ class Made:
     def errors(self) -> list[float]:
         return [float(error) for error in self.steps()]  # type: ignore[attr-defined]
 
-    def without(self, name: str) -> Made:
-        left = ([n for n in names if n != name] for names in (self.names, self.given))
+    def without(self, *out: str) -> Made:
+        left = ([n for n in names if n not in out] for names in (self.names, self.given))
         return Made(*left, self.searcher.refused)
 
 

@@ -198,11 +198,11 @@ class Analysis:
     rejected: tuple[str, ...]
     generalised: bool = False
 
-    def without(self, name: str) -> Analysis:
-        """Return the analysis with one effect fewer: the others refitted, what is left anew."""
-        final, _ = self.searcher.fitted(self.searcher.less(self.final, name))
-        if name in [e.name for e in self.base.effects]:
-            base, _ = self.searcher.fitted(self.base.without(name))
+    def without(self, *names: str) -> Analysis:
+        """Return the analysis without some effects: the others refitted, what is left anew."""
+        final, _ = self.searcher.fitted(self.searcher.less(self.final, *names))
+        if {*names} & {e.name for e in self.base.effects}:
+            base, _ = self.searcher.fitted(self.base.without(*names))
             return replace(self, base=base, final=final)
         leftover = leftover_of(Ceiling(self.study.problem, self.whitening), final)
         return replace(self, final=final, leftover=leftover)
@@ -335,16 +335,18 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     say("functions of the channels")
     beside = leftover_of(Ceiling(whole.problem, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
-    searcher = Searcher(study, whitening, say=say)
+    few = whole.thinned(1)
+    few.orders, few.tied = study.orders, study.tied
+    searcher = Searcher(few, whitening, say=say)
     say("names")
     base, _ = searcher.fitted(base)
     final, steps = searcher.run(base)
-    if study is not whole:
+    if few is not whole:
         say("all rows")
         whole.orders = study.orders
         searcher = replace(searcher, study=whole)
         base, _ = searcher.fitted(base)
-        final, more = searcher.run(final)
+        final, more = searcher.run(searcher.again(final))
         steps += more
     say("what is left")
     ceiling = Ceiling(whole.problem, whitening)

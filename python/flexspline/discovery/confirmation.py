@@ -162,7 +162,7 @@ def confirmed(
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
     small: list[Shown] = []
-    made = _in_order(_settled(made, base))
+    made = _in_order(_answering(_settled(made, base)))
     while True:
         made, fit = _fitted(made, fitted)
         if fit.generalised != made.generalised:
@@ -173,10 +173,8 @@ def confirmed(
         if not name:
             rivals = _rivals(made)
             sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
-            unlikely = _unlikely(rivals, sure)
-            lesser = list(rivals) if made.unexplained > 0.5 else []
-            if unlikely or lesser:
-                name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
+            if unlikely := _unlikely(rivals, sure):
+                name, why = unlikely[-1], UNLIKELY
             else:
                 steps = _steps(made, fit, left_by)
                 rising = _rising([*shown.values()], steps.rmse)
@@ -189,7 +187,16 @@ def confirmed(
             made.searcher.refused.pop(name, None)  # of an earlier step
         elif why:
             made.searcher.refused[name] = why
-        made = made.without(name)
+        made = _answering(made.without(name))
+
+
+def _answering(made: Analysis) -> Analysis:
+    """Without its names where more is unexplained than explained: no answer stands beside that."""
+    names = [effect.name for effect in made.final.named]
+    if not names or made.unexplained <= 0.5:
+        return made
+    made.searcher.refused.update(dict.fromkeys(names, LESSER))
+    return made.without(*names)
 
 
 def _fitted(made: Analysis, fitted: Callable[[Working], Fit]) -> tuple[Analysis, Fit]:
