@@ -24,7 +24,8 @@ def discovered(torque: Array, time: Array) -> Discovery:
     moved = flexspline.simulate(model, run_of(time, torque), steps_per_sample=8).log
     channels = {n: moved[n] for n in moved.channels if n.startswith("output_")}
     noise = np.random.default_rng(4).normal(0.0, 0.02, len(time))
-    return flexspline.discover(BASE, run_of(time, torque + noise, **channels), target="motor_torque")
+    log = run_of(time, torque + noise, **channels)
+    return flexspline.discover(BASE, log, target="motor_torque")
 
 
 def test_a_name_that_is_right_lessens_what_a_forward_simulation_misses() -> None:

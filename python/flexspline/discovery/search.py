@@ -101,11 +101,11 @@ class Study:
     def target(self) -> str:
         return self.problem.target
 
-    def thinned(self) -> Study:
-        """The same for a part of long logs; itself for others."""
+    def thinned(self, parts: int = SETTINGS.tried - 1) -> Study:
+        """The same for a part of long logs, `parts` of `rows` or more; itself for others."""
         news = rows_of(self.problem) // self.problem.decimation
         share = round(0.5 * SETTINGS.bends * news)
-        enough = max(share, (SETTINGS.tried - 1) * SETTINGS.rows)
+        enough = max(share, parts * SETTINGS.rows)
         part = thinned(self.problem, enough, SETTINGS.rows // 2, LEAD)
         return self if part is self.problem else replace(self, problem=part, last=None, known={})
 
@@ -276,6 +276,18 @@ class Searcher:
         trial, _ = started(self.study.problem, work, self.whitening, work.bound)
         trial, left = self.fitted(trial)
         return (trial, left) if left < squares else (work, squares)
+
+    def again(self, work: Working) -> Working:
+        """What a part of the rows named: its shapes looked for anew, less what cannot be."""
+        named = [k for k, shape in enumerate(work.searched) if min(shape.effects) >= work.base]
+        work, _ = started(self.study.problem, work, self.whitening, named)
+        work = self.pruned(self.fitted(work)[0])
+        for name in [effect.name for effect in work.named]:
+            there = name in [effect.name for effect in work.named]
+            if there and (reason := self.forbidden(work, name)):
+                self.refused[name] = reason
+                work = self.pruned(self.fitted(self.less(work, name))[0])
+        return work
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others."""
