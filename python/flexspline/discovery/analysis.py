@@ -326,30 +326,35 @@ def first_look(
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     """Look for what is missing beside a base; `say` is told what is being done.
 
-    Of long logs a part is searched first, then all rows from there.
+    Of long logs a part is searched first, then all rows from there, but where names leave more than
+    they explain: more names are no answer there.
     """
     whole, study, base, first = look.whole, look.part, look.base, look.noise
-    whole.tied = study.tied = tied_channels(looked_at(whole.problem), base)
-    lax, _ = Searcher(study, first, True, say).run(base)
+    few = whole.thinned(1)
+    few.orders, few.tied = study.orders, tied_channels(looked_at(whole.problem), base)
+    whole.tied = study.tied = few.tied
+    lax, _ = Searcher(few, first, True, say).run(base)
+    lax, _ = Searcher(study, first, True).fitted(lax)
     study.scan(lax)
     say("functions of the channels")
     beside = leftover_of(Ceiling(whole.problem, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
-    few = whole.thinned(1)
-    few.orders, few.tied = study.orders, study.tied
+    few.orders = study.orders
     searcher = Searcher(few, whitening, say=say)
     say("names")
     base, _ = searcher.fitted(base)
     final, steps = searcher.run(base)
+    ceiling = Ceiling(whole.problem, whitening)
     if few is not whole:
         say("all rows")
         whole.orders = study.orders
         searcher = replace(searcher, study=whole)
         base, _ = searcher.fitted(base)
-        final, more = searcher.run(searcher.again(final))
-        steps += more
+        final = searcher.again(final)
+        if not final.named or leftover_of(ceiling, final).share <= 0.5:
+            final, more = searcher.run(final)
+            steps += more
     say("what is left")
-    ceiling = Ceiling(whole.problem, whitening)
     leftover, rejected = leftover_of(ceiling, final), []
     at_first, rows = leftover.net, ceiling.problem
     closed = _small(rows, base, final, leftover) is not None

@@ -278,10 +278,19 @@ class Searcher:
         return (trial, left) if left < squares else (work, squares)
 
     def again(self, work: Working) -> Working:
-        """What a part of the rows named: its shapes looked for anew, less what cannot be."""
-        named = [k for k, shape in enumerate(work.searched) if min(shape.effects) >= work.base]
-        work, _ = started(self.study.problem, work, self.whitening, named)
-        work = self.pruned(self.fitted(work)[0])
+        """The names of a part of the rows on all of them: each in its best form, if it holds."""
+        work, squares = self.fitted(work)
+        for effect in work.named:
+            dictionary = self.study.dictionary(work, self.whitening, without=[effect.name])
+            made = offers(dictionary, dictionary.without([effect.name]), plain=True)
+            offer = max((o for o in made if o.effect.name == effect.name), key=lambda o: o.net)
+            cost = cost_of(dictionary, work, effect.name)
+            if offer.net > dictionary.gain(effect.name) - cost:
+                effects = [offer.effect if e.name == effect.name else e for e in work.effects]
+                trial, left = self.fitted(work.having(effects))
+                if left + offer.price < squares + cost:
+                    work, squares = trial, left
+        work = self.pruned(work)
         for name in [effect.name for effect in work.named]:
             there = name in [effect.name for effect in work.named]
             if there and (reason := self.forbidden(work, name)):

@@ -41,7 +41,8 @@ class Settings:
     functions : of one channel; orders that a scan has found and are tried, and orders of the output
         beside them. Of 60 robot cases half loses one and names a wrong one, twice changes none.
     lines : orders of the motor's angle that are looked at one by one.
-    rows : on which functions of a flexible basis are looked at; powers alone on `rows / little`.
+    rows : on which names are looked for first, and functions of a flexible basis looked at; powers
+        alone on `rows / little`.
     """
 
     alpha: float = 0.005
