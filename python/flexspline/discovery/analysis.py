@@ -183,7 +183,7 @@ def _refitted(
 class Analysis:
     """Base and final model, the search that led there, and what is left.
 
-    `part`: the study of the rows that were searched first, all of them where they are few.
+    `part`: the study of the rows on which orders and noise are looked at; all, where they are few.
     `rejected`: names that were spurious, as the flexible basis tells. `generalised`: whether the
     model is fitted by generalised least squares.
     """
@@ -286,7 +286,8 @@ class Analysis:
     def searched(self) -> dict[str, float]:
         """Share of the rows that were searched first, for names and for what no name explains."""
         rows = rows_of(self.study.problem)
-        few = {"names": self.part.problem, "functions": looked_at(self.study.problem)}
+        names, functions = self.study.thinned(1).problem, looked_at(self.study.problem)
+        few = {"names": names, "functions": functions}
         return {what: min(rows_of(problem) / rows, 1.0) for what, problem in few.items()}
 
 
@@ -294,7 +295,7 @@ class Analysis:
 class FirstLook:
     """What is known before names are looked for: the base, orders in what it leaves, the noise.
 
-    `whole`, `part`: the study of all rows, and of those that are searched first.
+    `whole`, `part`: the study of all rows, and of those on which orders and noise are looked at.
     """
 
     whole: Study
