@@ -285,7 +285,7 @@ def test_a_name_that_is_there_lowers_the_error_on_unseen_runs_and_another_hardly
     names = ("gravity", "position_dependent_friction")
     fit = flexspline.fit([*one.base, *(effect(n) for n in names)], one.logs, "motor_current",
                          checks=False)  # fmt: skip
-    found = SimpleNamespace(model=fit.model, target="motor_current", names=names)
+    found = SimpleNamespace(model=fit.model, fit=fit, target="motor_current", names=names)
     errors = unseen_errors(one, found)
     (before, after, clear), (_, _, chance) = errors
     assert json.loads(json.dumps(errors)) == [[*each] for each in errors]

@@ -1,8 +1,8 @@
 """Whether each name lowers the error on runs that neither fit nor selection saw.
 
-Plain least squares on the runs that were given, with the shapes and the channels of the model that
-was found: the base with the names before one, and with it too. The errors are those on three runs
-more, recorded by the same recorder; drives at rest do not count.
+The model that was found, as it is, against the base and the names before one: plain least squares
+on the rows of the given runs that the fit of that model counted, with its shapes and channels. The
+errors are those on three runs more, recorded by the same recorder; drives at rest do not count.
 """
 
 from __future__ import annotations
@@ -36,19 +36,23 @@ def unseen_errors(made: Made, found: Discovery) -> tuple[tuple[float, float, flo
     known = {name: found.model.facts[name] for name in ("gear_ratio",) if name in found.model.facts}
     given, more = ([_columns(part, log.with_facts(known)) for log in logs]
                    for logs in (made.logs, made.unseen))  # fmt: skip
-    rows, y = (np.concatenate(parts) for parts in zip(*[one[:2] for one in given], strict=True))
+    counts = np.concatenate([run.counts for run in found.fit.runs])
+    rows, y, there, _ = (np.concatenate(parts) for parts in zip(*given, strict=True))
+    rows, y = rows[there & counts], y[there & counts]
     owners = np.array([e.name for e in part.effects for _ in e.terms])
+    free = part.coefficients != 0.0  # what the fit holds at zero is no column of the base either
     added, errors = list(found.names), []
     for count in range(len(added) + 1):
-        used = ~np.isin(owners, added[count:])
-        beta = np.linalg.lstsq(rows[:, used], y, rcond=1e-9)[0]
-        errors.append([target - own[:, used] @ beta for own, target, _ in more])
-    steps = [block for _, _, block in more]
+        used = free & ~np.isin(owners, added[count:])
+        fitted = np.linalg.lstsq(rows[:, used], y, rcond=1e-9)[0]
+        beta = part.coefficients[used] if count == len(added) else fitted
+        errors.append([target[on] - own[on][:, used] @ beta for own, target, on, _ in more])
+    steps = [block[on] for _, _, on, block in more]
     return tuple(_compared(errors[k], errors[k + 1], steps) for k in range(len(added)))
 
 
-def _columns(part: Part, log: Log) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Rows of all effects (n, C), target (n,) and block of each row that counts, (n,)."""
+def _columns(part: Part, log: Log) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.intp]]:
+    """Rows of all effects (N, C), target (N,), whether a row counts, and its block, (N,)."""
     log = channels_for(prepared(log, part.preparations), part.effects, part.known_load,
                        load_needed=False)  # fmt: skip
     gear = gear_of(log.facts, "motor_position" in log)
@@ -60,7 +64,7 @@ def _columns(part: Part, log: Log) -> tuple[Array, Array, NDArray[np.intp]]:
     if part.target in DRIVES:
         counts &= ~resting(log)
     block = ((log["time"] - log["time"][0]) / BLOCK).astype(np.intp)
-    return rows[counts], y[counts], block[counts]
+    return rows, y, counts, block
 
 
 def _compared(
