@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fit_logs import WIDTH
-from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+from hidden_logs import LOAD, RATIO, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery import search
@@ -61,3 +61,19 @@ def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(
     assert json.loads(in_part.to_json())["searched"] == in_part.searched
     assert "3 % of the rows" in str(in_part)
     assert in_part.final_rmse == pytest.approx(whole.final_rmse, rel=0.01)
+
+
+def test_a_ripple_has_the_orders_that_all_rows_show_and_a_part_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A thirtieth of the rows shows order 4 by two standard errors, all of them by twelve."""
+    monkeypatch.setattr(search, "SETTINGS", replace(SETTINGS, rows=1000))
+    c = rich_run(3, 30_000)
+    c["motor_position"] = RATIO * c["output_position"]
+    turned = c["motor_position"] - c["output_position"]  # of the wave generator in its spline
+    ripple = 0.02 * np.sin(2.0 * turned) + 0.002 * np.sin(4.0 * turned)
+    torque = friction_of(c) + ripple + c[LOAD] + noise(3, 30_000, 0.02)
+    log = log_of(c, sensor_torque=torque)
+    made = flexspline.discover(BASE, log, target="sensor_torque", known_load=LOAD)
+    (effect,) = (e for e in made.model.part().effects if e.name == "wave_generator_ripple")
+    assert sorted(order for order, _ in effect.harmonics) == [2, 4]

@@ -8,7 +8,7 @@ exchanged for another, one for two, or two for one, where that explains more abo
 All of these are computed from one Gram matrix, and only the best is fitted.
 
 Of long logs short segments spread evenly are searched first. The search on all rows starts from
-that result; it refits everything, may reject names, and adds what only all rows show.
+that result: each name in the form that all rows show, or none; then it adds what only these show.
 """
 
 from __future__ import annotations
@@ -283,9 +283,9 @@ class Searcher:
         for effect in work.named:
             dictionary = self.study.dictionary(work, self.whitening, without=[effect.name])
             made = offers(dictionary, dictionary.without([effect.name]), plain=True)
-            offer = max((o for o in made if o.effect.name == effect.name), key=lambda o: o.net)
             cost = cost_of(dictionary, work, effect.name)
-            if offer.net > dictionary.gain(effect.name) - cost:
+            least = dictionary.gain(effect.name) - cost
+            for offer in (o for o in made if o.effect.name == effect.name and o.net > least):
                 effects = [offer.effect if e.name == effect.name else e for e in work.effects]
                 trial, left = self.fitted(work.having(effects))
                 if left + offer.price < squares + cost:
