@@ -2,7 +2,7 @@
 
 The model that was found, as it is, against the base and the names before one: plain least squares
 on the rows of the given runs that the fit of that model counted, with its shapes and channels. The
-errors are those on three runs more, recorded by the same recorder; drives at rest do not count.
+errors are those on the unseen runs, recorded by the same recorder; drives at rest do not count.
 """
 
 from __future__ import annotations

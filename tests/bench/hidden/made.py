@@ -16,7 +16,7 @@ from hidden.rig import EXCITATIONS, JOINTS, Array, Scene, scene
 from hidden.size import Size, Sizing, Term, sized
 from hidden.unknown import UNKNOWN
 
-__all__ = ["HELD_OUT", "IN_TORSION", "Made", "base_of", "forms_in", "known_of", "made_of",
+__all__ = ["IN_TORSION", "Made", "base_of", "forms_in", "known_of", "made_of",
            "noise_of"]  # fmt: skip
 
 HELD_OUT = 3  # runs that nobody fits
