@@ -101,8 +101,9 @@ class Study:
     def target(self) -> str:
         return self.problem.target
 
-    def thinned(self, parts: int = SETTINGS.tried - 1) -> Study:
+    def thinned(self, parts: int | None = None) -> Study:
         """The same for a part of long logs, `parts` of `rows` or more; itself for others."""
+        parts = SETTINGS.tried - 1 if parts is None else parts
         news = rows_of(self.problem) // self.problem.decimation
         share = round(0.5 * SETTINGS.bends * news)
         enough = max(share, parts * SETTINGS.rows)
