@@ -268,19 +268,8 @@ class Analysis:
 
     @cached_property
     def unexplained(self) -> float:
-        """Share of the gap above the noise floor that a flexible basis alone closes held out.
-
-        In the noise's own metric; by the evidence where runs go where no other went.
-        """
-        if not self.leftover.groups:
-            return 0.0
-        functions = Functions(self.leftover.groups)
-        first, last, least = (
-            held_out(self.part.problem, work, self.whitening, beside).squares
-            for work, beside in ((self.base, None), (self.final, None), (self.final, functions))
-        )
-        share = (last - least) / (first - least) if min(first, last) > least else None
-        return float(min(self.leftover.share if share is None else share, 1.0))
+        """As `unexplained_by`, of the final model."""
+        return unexplained_by(self.part, self.base, self.final, self.whitening, self.leftover)
 
     @property
     def searched(self) -> dict[str, float]:
@@ -327,8 +316,8 @@ def first_look(
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     """Look for what is missing beside a base; `say` is told what is being done.
 
-    Of long logs a part is searched first, then all rows from there, but where names leave more than
-    they explain: more names are no answer there.
+    Of long logs a part is searched first, then all rows from there. Where the part leaves no doubt
+    that functions explain more than its names do, all rows are not searched: they are no answer.
     """
     whole, study, base, first = look.whole, look.part, look.base, look.noise
     few = whole.thinned(1)
@@ -346,31 +335,24 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     base, _ = searcher.fitted(base)
     final, steps = searcher.run(base)
     ceiling = Ceiling(whole.problem, whitening)
+    rejected = list[str]()
     if few is not whole:
         say("all rows")
         whole.orders = study.orders
+        kept, leftover, rejected = _without_stand_ins(searcher, ceiling, base, final)
+        strong = final.named and ceiling.share * leftover.net > SETTINGS.certain**2
+        hopeless = strong and unexplained_by(study, base, kept, whitening, leftover) > 0.5
         searcher = replace(searcher, study=whole)
         base, _ = searcher.fitted(base)
-        final = searcher.again(final)
-        if not final.named or leftover_of(ceiling, final).share <= 0.5:
-            final, more = searcher.run(final)
-            steps += more
+        if hopeless:
+            final = base
+        else:
+            final, rejected = searcher.again(final), []
+            final, added = searcher.run(final)
+            steps += added
     say("what is left")
-    leftover, rejected = leftover_of(ceiling, final), []
-    at_first, rows = leftover.net, ceiling.problem
-    closed = _small(rows, base, final, leftover) is not None
-
-    def without(name: str) -> tuple[Working, Leftover]:
-        rest = searcher.pruned(searcher.fitted(searcher.less(final, name))[0])
-        return rest, leftover_of(ceiling, rest)
-
-    while True:
-        small = _small(rows, base, final, leftover) if closed else None
-        stand_in = _stand_in(searcher, final, leftover, at_first, small)
-        if stand_in is None:
-            break
-        rejected.append(stand_in)
-        final, leftover = without(stand_in)
+    final, leftover, more = _without_stand_ins(searcher, ceiling, base, final)
+    rejected += more
     plain = searcher.pruned(simplest(searcher, final))
     if plain is not final:
         final, leftover = plain, leftover_of(ceiling, plain)
@@ -378,8 +360,48 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         there = effect.name in [e.name for e in final.named]
         if there and not effect.info.remembers and _of_one_part(ceiling, final, effect, leftover):
             rejected.append(effect.name)
-            final, leftover = without(effect.name)
+            final = _less(searcher, final, effect.name)
+            leftover = leftover_of(ceiling, final)
     return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected))
+
+
+def unexplained_by(
+    study: Study, base: Working, final: Working, whitening: Whitening, leftover: Leftover
+) -> float:
+    """Share of the gap above the noise floor that a flexible basis alone closes held out.
+
+    In the noise's own metric; by the evidence where runs go where no other went.
+    """
+    if not leftover.groups:
+        return 0.0
+    functions = Functions(leftover.groups)
+    first, last, least = (
+        held_out(study.problem, work, whitening, beside).squares
+        for work, beside in ((base, None), (final, None), (final, functions))
+    )
+    share = (last - least) / (first - least) if min(first, last) > least else None
+    return float(min(leftover.share if share is None else share, 1.0))
+
+
+def _without_stand_ins(
+    searcher: Searcher, ceiling: Ceiling, base: Working, final: Working
+) -> tuple[Working, Leftover, list[str]]:
+    """The model without names that stand in for something else, what is left then, and these."""
+    leftover, rejected = leftover_of(ceiling, final), list[str]()
+    at_first, closed = leftover.net, _small(ceiling.problem, base, final, leftover) is not None
+    while True:
+        small = _small(ceiling.problem, base, final, leftover) if closed else None
+        stand_in = _stand_in(searcher, ceiling, final, leftover, at_first, small)
+        if stand_in is None:
+            return final, leftover, rejected
+        rejected.append(stand_in)
+        final = _less(searcher, final, stand_in)
+        leftover = leftover_of(ceiling, final)
+
+
+def _less(searcher: Searcher, work: Working, name: str) -> Working:
+    """The model without a name, and without those that do not pay then."""
+    return searcher.pruned(searcher.fitted(searcher.less(work, name))[0])
 
 
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
@@ -486,6 +508,7 @@ def _left_by(
 
 def _stand_in(
     searcher: Searcher,
+    ceiling: Ceiling,
     work: Working,
     leftover: Leftover,
     at_first: float,
@@ -502,7 +525,8 @@ def _stand_in(
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    gains = {e.name: dictionary.gain(e.name) for e in work.named}
+    times = rows_of(ceiling.problem) / ceiling.share / rows_of(searcher.study.problem)
+    gains = {e.name: times * dictionary.gain(e.name) for e in work.named}
     if leftover.net <= max(form_of(e) * gains[e.name] for e in work.named):
         return None
     shares = {name: leftover.net / max(gain, TINY)

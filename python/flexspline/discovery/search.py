@@ -4,7 +4,7 @@ Each round refits the shapes of the model, offers every candidate in its best fo
 takes the best that exceeds its significance threshold (`evidence.py`), gains half as much on
 held-out folds too, gains more than the form of a name may miss (`missed`: no form is exact), and is
 physically possible (`physics.py`). Then a name that is no longer significant is removed, and one is
-exchanged for another, one for two, or two for one, where that explains more above its threshold.
+exchanged for another, or for two, where that explains more above its threshold.
 All of these are computed from one Gram matrix, and only the best is fitted.
 
 Of long logs short segments spread evenly are searched first. The search on all rows starts from
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -130,7 +129,7 @@ class Study:
         if last and at is work and noise is whitening and (found := last.of(candidates)):
             return found
         names = [effect.name for effect in work.named]
-        every = [without, *(out for count in (0, 1, 2) for out in combinations(names, count))]
+        every = [without, (), *((name,) for name in names)]
         wanted = [e for out in every for c in self._beside(work, out) for e in c.effects]
         made = dictionary_of(self.problem, work, wanted, whitening)
         self.last = work, whitening, made
@@ -327,63 +326,57 @@ class Searcher:
         return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
-        """Drop names, or exchange them where that is better: one for one or two, two for one."""
-        names = [effect.name for effect in work.named]
-        counts = (1,) if self.lax else (1, 2)
-        for out in (out for count in counts for out in combinations(names, count)):
-            if {*out} <= {e.name for e in work.named}:
-                work, squares = self._changed(work, squares, out)
+        """Drop names, or exchange them for one or two others where that is better."""
+        for name in [effect.name for effect in work.named]:
+            if name in {effect.name for effect in work.named}:
+                work, squares = self._changed(work, squares, name)
         return work, squares
 
-    def _changed(self, work: Working, squares: float, out: Sequence[str]) -> tuple[Working, float]:
+    def _changed(self, work: Working, squares: float, out: str) -> tuple[Working, float]:
         """The best of a model: as it is, less a name that does not pay, or with an exchange.
 
         Two in the place of one have to be better than that one and the best that may follow it.
         """
-        dictionary = self.study.dictionary(work, self.whitening, without=out)
-        model, rest = dictionary.without(out), self.less(work, *out)
-        own = [effect for effect in work.named if effect.name in out]
-        owed = [self._owed(dictionary, work, effect) for effect in own]
-        gain, cost = dictionary.gain(*out), sum(price for price, _ in owed)
-        if len(out) == 1 and gain < max(owed[0]):
+        dictionary = self.study.dictionary(work, self.whitening, without=[out])
+        model, rest = dictionary.without([out]), self.less(work, out)
+        own = next(effect for effect in work.named if effect.name == out)
+        cost, form = self._owed(dictionary, work, own)
+        gain = dictionary.gain(out)
+        if gain < max(cost, form):
             return self.fitted(rest)
-        if len(rest.effects) + len(out) < len(work.effects):  # others read the load of these
+        if len(rest.effects) + 1 < len(work.effects):  # others read the load of this one
             return work, squares
-        instead = [o for o in self._instead(dictionary, model, out) if _net(o) > gain - cost]
+        least = gain - cost
+        instead = [o for o in self._instead(dictionary, model, out) if _net(o) > least]
         rivals = [first.effect for first, *_ in instead]
         worthy = (o for o in instead if self._worthy(o[0], dictionary, rest, model, rivals))
         best = next(worthy, None)
         if best is None:
             return work, squares
-        least = gain - cost
-        if len(best) > len(out):
+        if len(best) > 1:
             least += _net(self._worth(dictionary, work, dictionary.model)[:1])
         added = [offer.effect for offer in best]
         trial, left = self.fitted(rest.with_effects(*added))
-        margin = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
+        margin = max(sum(map(freedom, added)) - freedom(own), 0)
         paid = sum(offer.price for offer in best) + SETTINGS.negligible * gain * margin
         if squares + gain - left - paid > least and self._pays(trial, added):
             return trial, left
         return work, squares
 
-    def _instead(
-        self, dictionary: Dictionary, model: Columns, out: Sequence[str]
-    ) -> list[list[Offer]]:
-        """Return what may take the place of some names, the best first: one, or two for one.
+    def _instead(self, dictionary: Dictionary, model: Columns, out: str) -> list[list[Offer]]:
+        """Return what may take the place of a name, the best first: one, or two for one.
 
-        Of two names one may stay, in another form. In gravity's place orders of the output may be.
+        In gravity's place orders of the output may be.
         """
-        others = out if len(out) == 1 else ()
-        plain = GRAVITY not in out
+        plain = out != GRAVITY
 
         def beside(columns: Columns, *but: str) -> list[Offer]:
             made = offers(dictionary, columns, plain=plain)
-            made = [offer for offer in made if offer.effect.name not in (*others, *but)]
+            made = [offer for offer in made if offer.effect.name not in (out, *but)]
             return sorted(made, key=_rank, reverse=True)
 
         made = [[offer] for offer in beside(model)]
-        two = len(out) == 1 and not self.lax
-        for (first,) in made[: SETTINGS.tried] if two else ():
+        for (first,) in made[: SETTINGS.tried] if not self.lax else ():
             both = np.concatenate([model, first.columns])
             made += [[first, second] for second in beside(both, first.effect.name)[:1]]
         return sorted(made, key=lambda those: sum(map(_rank, those)), reverse=True)
