@@ -47,7 +47,7 @@ py::dict describe(const Effect& effect) {
   entry["source"] = std::string(effect.source);
   entry["traits"] = traits_of(Effect::traits);
   entry["remembers"] = Remembers<Effect>;
-  entry["modulated"] = BentHarmonicEffect<Effect>;
+  entry["modulated"] = ModulatedHarmonicEffect<Effect>;
   entry["reversal"] = std::string(reversal_of<Effect>());
   py::list terms;
   for (const Term& term : effect.terms) {

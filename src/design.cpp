@@ -53,7 +53,7 @@ Array rows(const batch::Design& design, const py::dict& columns, py::ssize_t siz
   {
     const py::gil_scoped_release release;
     batch::Memory memory = design.fresh();
-    batch::in_pieces({0, stride}, [&](std::size_t first, std::size_t count) {
+    batch::in_chunks({0, stride}, [&](std::size_t first, std::size_t count) {
       design.fill(borrowed.channels, first, count, span_of(coefficients), memory, values + first,
                   stride);
     });
@@ -61,7 +61,7 @@ Array rows(const batch::Design& design, const py::dict& columns, py::ssize_t siz
   return py::reinterpret_borrow<Array>(out);
 }
 
-/// A value of each row; `fill` makes those of a piece.
+/// A value of each row; `fill` makes those of a chunk.
 template <typename T, typename Fill>
 py::array_t<T> of_each_row(const batch::Design& design, const py::dict& columns, py::ssize_t size,
                            const Array& coefficients, bool may_be_empty, const Fill& fill) {
@@ -72,7 +72,7 @@ py::array_t<T> of_each_row(const batch::Design& design, const py::dict& columns,
   {
     const py::gil_scoped_release release;
     batch::Memory memory = design.fresh();
-    batch::in_pieces(
+    batch::in_chunks(
         {0, static_cast<std::size_t>(size)}, [&](std::size_t first, std::size_t count) {
           fill(borrowed.channels, first, count, span_of(coefficients), memory, values + first);
         });
@@ -83,13 +83,13 @@ py::array_t<T> of_each_row(const batch::Design& design, const py::dict& columns,
 py::array_t<double> predict(const batch::Design& design, const py::dict& columns, py::ssize_t size,
                             const Array& coefficients) {
   return of_each_row<double>(design, columns, size, coefficients, false,
-                             [&](auto&&... piece) { design.predict(piece...); });
+                             [&](auto&&... chunk) { design.predict(chunk...); });
 }
 
 py::array_t<bool> settled(const batch::Design& design, const py::dict& columns, py::ssize_t size,
                           const Array& coefficients) {
   return of_each_row<bool>(design, columns, size, coefficients, true,
-                           [&](auto&&... piece) { design.settled(piece...); });
+                           [&](auto&&... chunk) { design.settled(chunk...); });
 }
 
 std::vector<batch::Rows> blocks_from(const std::vector<std::pair<std::size_t, std::size_t>>& pairs,
@@ -127,19 +127,19 @@ py::tuple arrays_of(const std::vector<batch::Gram>& grams, std::size_t columns) 
 
 py::tuple accumulate(const batch::Design& design, const py::dict& columns, const Array& target,
                      const std::vector<std::pair<std::size_t, std::size_t>>& blocks,
-                     const Array& coefficients, const Array& held,
+                     const Array& coefficients, const Array& offset_terms,
                      const std::optional<Array>& weights, bool double_double, bool structured,
                      int threads) {
   const Borrowed borrowed = borrow(columns, target.size());
   require_size(span_of(coefficients), design.columns(), true);
-  require_size(span_of(held), design.columns(), true);
+  require_size(span_of(offset_terms), design.columns(), true);
   const std::size_t size = borrowed.channels.size;
   const batch::Problem problem{design,
                                borrowed.channels,
                                target.data(),
                                column_or_null(weights, size, "weights"),
                                span_of(coefficients),
-                               span_of(held)};
+                               span_of(offset_terms)};
   const auto rows_of_blocks = blocks_from(blocks, size);
   std::vector<batch::Gram> grams;
   {

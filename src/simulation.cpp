@@ -113,7 +113,7 @@ sim::Options options_of(const py::dict& from) {
   read(from, "longest_step", o.longest_step);
   read(from, "order", o.order);
   read(from, "accuracy", o.accuracy);
-  read(from, "shortest_leap", o.shortest_leap);
+  read(from, "shortest_leap", o.shortest_series_step);
   read(from, "coarsest", o.coarsest);
   read(from, "servo_period", o.servo.period);
   read(from, "position_gain", o.servo.position_gain);
@@ -162,8 +162,8 @@ Columns columns_of(const Array& time, const py::dict& inputs, bool hold) {
 }
 
 /// Where it starts: numbers of the caller, or the memory of an earlier run.
-sim::Course course_of(const sim::Joint& joint, const py::dict& start) {
-  sim::Course c;
+sim::SimulationState simulation_state_of(const sim::Joint& joint, const py::dict& start) {
+  sim::SimulationState c;
   const auto memory = start["memory"].cast<std::string>();
   if (!memory.empty()) {
     if (memory.size() != sizeof c) throw std::invalid_argument("memory of another build");
@@ -186,8 +186,8 @@ sim::Course course_of(const sim::Joint& joint, const py::dict& start) {
   return c;
 }
 
-py::dict end_of(const sim::Joint& joint, const sim::Course& c) {
-  static_assert(std::is_trivially_copyable_v<sim::Course>);
+py::dict end_of(const sim::Joint& joint, const sim::SimulationState& c) {
+  static_assert(std::is_trivially_copyable_v<sim::SimulationState>);
   const sim::Motion& m = c.motion;
   py::dict end;
   const double q = m.position[sim::output];
@@ -209,7 +209,7 @@ py::dict simulate(const sim::Joint& given, const Array& time, const py::dict& in
   const sim::Options options = options_of(option_fields);
   const Columns columns = columns_of(time, inputs, hold);
   if (columns.signals.size < 2) throw std::invalid_argument("time needs two rows");
-  sim::Course course = course_of(joint, start);
+  sim::SimulationState state = simulation_state_of(joint, start);
   const bool fresh = start["memory"].cast<std::string>().empty();
   py::dict result;
   sim::Record record;
@@ -224,15 +224,15 @@ py::dict simulate(const sim::Joint& given, const Array& time, const py::dict& in
   sim::Outcome outcome;
   {
     const py::gil_scoped_release release;
-    outcome = sim::simulate(joint, columns.signals, options, fresh, course, record);
+    outcome = sim::simulate(joint, columns.signals, options, fresh, state, record);
   }
   py::dict all;
   all["columns"] = result;
   all["fault"] = static_cast<int>(outcome.fault);
   all["row"] = outcome.row;
   all["largest_phase"] = outcome.largest_phase;
-  all["longest_leap"] = outcome.longest_leap;
-  all["end"] = end_of(joint, course);
+  all["longest_leap"] = outcome.longest_series_step;
+  all["end"] = end_of(joint, state);
   return all;
 }
 

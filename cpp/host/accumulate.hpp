@@ -30,7 +30,7 @@ struct Problem {
   const double* target;                  ///< y, in the target's unit
   const double* weights;                 ///< null: all one
   std::span<const double> coefficients;  ///< for the load; empty: known load alone
-  std::span<const double> held;          ///< taken off the target: y − row · held; empty: nothing
+  std::span<const double> offset_terms;  ///< taken off the target: y − row · these; empty: nothing
 };
 
 /// Where the columns of a design stand for the structured sums.
@@ -48,7 +48,7 @@ struct Structure {
 inline bool is_dense_ripple(const AnyEffect& any) {
   return std::visit(
       []<typename Effect>(const Effect& effect) {
-        if constexpr (HarmonicEffect<Effect> && !BentHarmonicEffect<Effect>) {
+        if constexpr (HarmonicEffect<Effect> && !ModulatedHarmonicEffect<Effect>) {
           const auto harmonics = effect.harmonics();
           for (std::size_t k = 0; k < harmonics.size(); ++k) {
             if (harmonics[k].order != k + 1) return false;
@@ -97,10 +97,10 @@ inline std::optional<Structure> structure_of(const Design& design) {
   return structure;
 }
 
-/// Columns of a design for one piece of a log after another, with the target behind them.
+/// Columns of a design for one chunk of a log after another, with the target behind them.
 class Columns {
  public:
-  /// `memory`: before the first piece.
+  /// `memory`: before the first chunk.
   Columns(const Problem& problem, Memory memory)
       : problem_(problem),
         block_(problem.design.columns() + 1, SampleBlock::capacity),
@@ -111,9 +111,9 @@ class Columns {
                          SampleBlock::capacity);
     double* target = block_[problem_.design.columns()];
     std::copy_n(problem_.target + first, count, target);
-    for (std::size_t k = 0; k < problem_.held.size(); ++k) {
-      if (problem_.held[k] == 0.0) continue;
-      for (std::size_t i = 0; i < count; ++i) target[i] -= problem_.held[k] * block_[k][i];
+    for (std::size_t k = 0; k < problem_.offset_terms.size(); ++k) {
+      if (problem_.offset_terms[k] == 0.0) continue;
+      for (std::size_t i = 0; i < count; ++i) target[i] -= problem_.offset_terms[k] * block_[k][i];
     }
   }
 
@@ -131,11 +131,11 @@ class Columns {
   Memory memory_;
 };
 
-/// Calls piece(first, count) for rows in pieces that fit a SampleBlock.
-template <typename Piece>
-void in_pieces(const Rows& rows, Piece&& piece) {
+/// Calls chunk(first, count) for rows in chunks that fit a SampleBlock.
+template <typename Chunk>
+void in_chunks(const Rows& rows, Chunk&& chunk) {
   for (std::size_t first = rows.first; first < rows.last; first += SampleBlock::capacity) {
-    piece(first, std::min(SampleBlock::capacity, rows.last - first));
+    chunk(first, std::min(SampleBlock::capacity, rows.last - first));
   }
 }
 
@@ -144,7 +144,7 @@ inline Gram plain_gram(const Problem& problem, const Rows& rows, Precision preci
                        const Memory& memory) {
   Columns columns(problem, memory);
   Gram gram(static_cast<int>(problem.design.columns()) + 1, precision);
-  in_pieces(rows, [&](std::size_t first, std::size_t count) {
+  in_chunks(rows, [&](std::size_t first, std::size_t count) {
     columns.fill(first, count);
     const double* weights = problem.weights != nullptr ? problem.weights + first : nullptr;
     if (weights != nullptr && precision == Precision::double_double) {
@@ -177,7 +177,7 @@ inline Gram structured_gram(const Problem& problem, const Structure& structure, 
   SampleBlock::Column<double> cosine;
   SampleBlock::Column<double> sine;
   TrigSums sums(static_cast<int>(dense.size()), structure.harmonics);
-  in_pieces(rows, [&](std::size_t first, std::size_t count) {
+  in_chunks(rows, [&](std::size_t first, std::size_t count) {
     problem.design.fill_dense(problem.channels, first, count, problem.coefficients,
                               structure.ripple, block[0], SampleBlock::capacity, cosine.data(),
                               sine.data());
@@ -193,7 +193,7 @@ inline Gram structured_gram(const Problem& problem, const Structure& structure, 
 /// The Gram of each block. `structured` false forces the plain columns.
 inline std::vector<Gram> accumulate(const Problem& problem, std::span<const Rows> blocks,
                                     Precision precision, bool structured, int threads) {
-  const auto structure = structured && precision == Precision::plain && problem.held.empty()
+  const auto structure = structured && precision == Precision::plain && problem.offset_terms.empty()
                              ? structure_of(problem.design)
                              : std::optional<Structure>{};
   std::vector<std::size_t> firsts;
@@ -215,10 +215,10 @@ inline std::vector<Gram> accumulate_rows(std::span<const double* const> columns,
   std::vector<Gram> grams(blocks.size());
   parallel_blocks(blocks.size(), threads, [&](std::size_t b) {
     Gram gram(static_cast<int>(columns.size()), precision);
-    in_pieces(blocks[b], [&](std::size_t first, std::size_t count) {
-      std::vector<const double*> piece(columns.begin(), columns.end());
-      for (const double*& column : piece) column += first;
-      gram.add(piece, count, weights != nullptr ? weights + first : nullptr);
+    in_chunks(blocks[b], [&](std::size_t first, std::size_t count) {
+      std::vector<const double*> chunk(columns.begin(), columns.end());
+      for (const double*& column : chunk) column += first;
+      gram.add(chunk, count, weights != nullptr ? weights + first : nullptr);
     });
     grams[b] = std::move(gram);
   });

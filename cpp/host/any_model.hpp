@@ -184,8 +184,8 @@ class AnyModel {
       auto p = effect.reach(k, at, row);
       row[2 * k] = p.cosine;
       row[2 * k + 1] = p.sine;
-      if constexpr (BentHarmonicEffect<Effect>) {
-        p = effect.bent(p, effect.harmonics()[k].order, at.output_velocity);
+      if constexpr (ModulatedHarmonicEffect<Effect>) {
+        p = effect.modulated(p, effect.harmonics()[k].order, at.output_velocity);
       }
       sum += p.cosine * coefficients[2 * k];
       sum += p.sine * coefficients[2 * k + 1];

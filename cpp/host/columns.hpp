@@ -12,7 +12,7 @@
 
 #include "flexspline/effects/catalogue.hpp"
 #include "flexspline/model.hpp"
-#include "host/walk.hpp"
+#include "host/stateful_columns.hpp"
 
 namespace flexspline::batch {
 
@@ -77,16 +77,17 @@ void columns(const Effect& effect, const SampleBlock& block, double* out, std::s
 /// The columns of effects of one kind with memory, which moves on by the block: those of number n
 /// from out + n · width · stride on; NaN in rows that cannot be read.
 template <Remembers Effect>
-void columns(std::span<const Walker<Effect>> walkers, const SampleBlock& block, double* out,
-             std::size_t stride) {
+void columns(std::span<const StatefulColumn<Effect>> stateful, const SampleBlock& block,
+             double* out, std::size_t stride) {
   constexpr std::size_t width = width_of<double, Effect>;
-  for (std::size_t k = 0; k < width * walkers.size(); ++k) {
+  for (std::size_t k = 0; k < width * stateful.size(); ++k) {
     std::fill_n(out + k * stride, block.size, std::numeric_limits<double>::quiet_NaN());
   }
-  walk(walkers, block,
-       [out, stride](std::size_t n, std::size_t i, const Row<double, width>& row, const auto&) {
-         for (std::size_t k = 0; k < width; ++k) out[(n * width + k) * stride + i] = row[k];
-       });
+  step_through(
+      stateful, block,
+      [out, stride](std::size_t n, std::size_t i, const Row<double, width>& row, const auto&) {
+        for (std::size_t k = 0; k < width; ++k) out[(n * width + k) * stride + i] = row[k];
+      });
 }
 
 /// Cosine and sine of `order` times the angle of a pair.
@@ -102,8 +103,8 @@ inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t
 }
 
 /// What speed makes of harmonics, in place.
-template <BentHarmonicEffect Effect>
-void bend(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
+template <ModulatedHarmonicEffect Effect>
+void modulate(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
   for (std::size_t k = 0; k < effect.harmonics().size(); ++k) {
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
@@ -111,7 +112,7 @@ void bend(const Effect& effect, const SampleBlock& block, double* out, std::size
     run_wide([&effect, cosine, sine, order, v = block.column<Channel::output_velocity>(),
               size = block.size] {
       for (std::size_t i = 0; i < size; ++i) {
-        const auto p = effect.bent({cosine[i], sine[i]}, order, v[i]);
+        const auto p = effect.modulated({cosine[i], sine[i]}, order, v[i]);
         cosine[i] = p.cosine;
         sine[i] = p.sine;
       }
@@ -124,15 +125,15 @@ template <HarmonicEffect Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
   for (std::size_t k = 0; k < effect.harmonics().size(); ++k) {
     const auto [order, pair] = effect.harmonics()[k];
-    const Way way = effect.ways()[k];
+    const Recurrence recurrence = effect.recurrences()[k];
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
-    if (way.steps == 1) {
+    if (recurrence.steps == 1) {
       phasors(order, block.phases(pair), block.size, cosine, sine);
       continue;
     }
-    const double* from = out + 2 * way.from * stride;
-    const double* by = out + 2 * way.by * stride;
+    const double* from = out + 2 * recurrence.from * stride;
+    const double* by = out + 2 * recurrence.by * stride;
     run_wide([=, size = block.size] {
       for (std::size_t i = 0; i < size; ++i) {
         const auto p = math::rotate<double>({from[i], from[stride + i]}, {by[i], by[stride + i]});
@@ -141,7 +142,7 @@ void columns(const Effect& effect, const SampleBlock& block, double* out, std::s
       }
     });
   }
-  if constexpr (BentHarmonicEffect<Effect>) bend(effect, block, out, stride);
+  if constexpr (ModulatedHarmonicEffect<Effect>) modulate(effect, block, out, stride);
 }
 
 /// The torque of one effect in each row of its columns, term by term as `weighted`.

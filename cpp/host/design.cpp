@@ -157,8 +157,8 @@ void Design::each(const SampleBlock& block, Memory& memory, double* out, std::si
         },
         effects_[k]);
   }
-  by_kind(remembering, memory, [&](const auto& walkers, std::size_t first) {
-    flexspline::batch::columns(walkers, block, out + offsets_[first] * stride, stride);
+  by_kind(remembering, memory, [&](const auto& stateful, std::size_t first) {
+    flexspline::batch::columns(stateful, block, out + offsets_[first] * stride, stride);
   });
 }
 
@@ -168,14 +168,14 @@ void Design::by_kind(std::span<const std::size_t> which, Memory& memory, Use use
     std::visit(
         [&]<typename Effect>(const Effect&) {
           if constexpr (Remembers<Effect>) {
-            std::vector<Walker<Effect>> walkers;
+            std::vector<StatefulColumn<Effect>> stateful;
             const std::size_t first = which[at];
-            for (; at < which.size() && which[at] == first + walkers.size(); ++at) {
+            for (; at < which.size() && which[at] == first + stateful.size(); ++at) {
               const Effect* effect = std::get_if<Effect>(&effects_[which[at]]);
               if (effect == nullptr) break;
-              walkers.push_back({effect, &std::get<place_of<Effect>>(memory[which[at]])});
+              stateful.push_back({effect, &std::get<place_of<Effect>>(memory[which[at]])});
             }
-            use(std::span<const Walker<Effect>>(walkers), first);
+            use(std::span<const StatefulColumn<Effect>>(stateful), first);
           }
         },
         effects_[which[at]]);
@@ -197,11 +197,13 @@ void Design::pass(const Channels& channels, std::size_t first, std::size_t count
   std::vector<double> scratch(carried ? columns_ * count : 0);
   read(channels, first, count, carried ? coefficients : std::span<const double>{}, scratch.data(),
        count, carried ? angles_ : angles, block, load);
-  by_kind(which, memory, [&]<typename Effect>(std::span<const Walker<Effect>> walkers, auto) {
-    walk(walkers, block, [&](std::size_t n, std::size_t i, const auto&, const auto& state) {
-      use(i, [&] { return walkers[n].effect->settled(state); });
-    });
-  });
+  by_kind(which, memory,
+          [&]<typename Effect>(std::span<const StatefulColumn<Effect>> stateful, auto) {
+            step_through(stateful, block,
+                         [&](std::size_t n, std::size_t i, const auto&, const auto& state) {
+                           use(i, [&] { return stateful[n].effect->settled(state); });
+                         });
+          });
 }
 
 template <typename Chosen>

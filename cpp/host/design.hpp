@@ -1,7 +1,7 @@
 /// Effects chosen at run time: their columns for a block of samples, and their sum.
 ///
-/// Effects that remember go through a run row by row: who evaluates pieces of it in another order
-/// takes the memory before each piece from `remember`.
+/// Effects that remember go through a run row by row: who evaluates chunks of it in another order
+/// takes the memory before each chunk from `remember`.
 #pragma once
 
 #include <span>
@@ -88,7 +88,7 @@ class Design {
   void each(const SampleBlock& block, Memory& memory, double* out, std::size_t stride,
             Chosen chosen) const;
 
-  /// Calls use(walkers, first) for effects `which`, those of one kind that follow each other at
+  /// Calls use(stateful, first) for effects `which`, those of one kind that follow each other at
   /// once; `first` is the number of the first of them.
   template <typename Use>
   void by_kind(std::span<const std::size_t> which, Memory& memory, Use use) const;

@@ -1,20 +1,20 @@
-/// Columns of a piece of a run as the noise sees them: low-passed, thinned, and filtered to white.
+/// Columns of a chunk of a run as the noise sees them: low-passed, thinned, and filtered to white.
 ///
 ///   s_c(j) = Σ_k kernel_k · column_c(first + j · every + k − h),    |k − h| ≤ h, symmetric
 ///   w_c(j) = Σ_i whitening_i · s_c(j − i)
 ///
-/// The target is low-passed already; what is held is taken off it before it is filtered.
+/// The target is low-passed already; its offset terms are taken off before it is filtered.
 #pragma once
 
 #include <utility>
 
+#include "host/column_assembly.hpp"
 #include "host/column_block.hpp"
-#include "host/sheet.hpp"
 
 namespace flexspline::batch {
 
 /// Rows [first, last) of a run without a gap, and the low pass there (empty: none).
-struct Stretch {
+struct Segment {
   std::size_t first = 0;
   std::size_t last = 0;
   std::vector<double> kernel;  ///< 2h + 1 weights; rows from first − h to last + h are there
@@ -72,9 +72,9 @@ inline void smooth(std::span<const double> kernel, const double* in, std::size_t
 }
 
 /// Values side by side, of which the last few stay when others come.
-class Carried {
+class SlidingBuffer {
  public:
-  Carried(std::size_t columns, std::size_t capacity)
+  SlidingBuffer(std::size_t columns, std::size_t capacity)
       : columns_(columns), block_(columns, capacity) {}
 
   double* begin(std::size_t column) const noexcept { return block_[column]; }
@@ -111,36 +111,36 @@ inline std::size_t rows_at_once(std::size_t columns) noexcept {
 }
 
 /// Calls use(columns, first, count) for block after block of the filtered columns, target last;
-/// `first` counts the rows kept of the stretch. Outputs [first, last) of the stretch, first at
+/// `first` counts the rows kept of the segment. Outputs [first, last) of the segment, first at
 /// least the filter's order.
 class Filtered {
  public:
-  Filtered(const Sheet& sheet, const SheetRun& run, const Stretch& stretch, const Filter& filter,
-           const Mixture& held)
-      : sheet_(sheet),
+  Filtered(const ColumnAssembly& assembly, const AssemblyRun& run, const Segment& segment,
+           const Filter& filter, const Mixture& offset_terms)
+      : assembly_(assembly),
         run_(run),
-        stretch_(stretch),
+        segment_(segment),
         filter_(filter),
-        held_(held),
-        width_(sheet.columns.size() + 1),
-        block_(rows_at_once(sheet.parts() + 2 * width_)),
-        thins_(!stretch.kernel.empty() || filter.every > 1) {}
+        offset_terms_(offset_terms),
+        width_(assembly.columns.size() + 1),
+        block_(rows_at_once(assembly.parts() + 2 * width_)),
+        thins_(!segment.kernel.empty() || filter.every > 1) {}
 
   /// The first row whose columns are needed for outputs from `first` on.
-  static std::size_t begin(const Stretch& stretch, const Filter& filter, std::size_t first) {
-    return stretch.first + (first - filter.order()) * filter.every - stretch.reach();
+  static std::size_t begin(const Segment& segment, const Filter& filter, std::size_t first) {
+    return segment.first + (first - filter.order()) * filter.every - segment.reach();
   }
 
-  /// `memory`: before row begin(stretch, filter, first).
+  /// `memory`: before row begin(segment, filter, first).
   template <typename Use>
   void operator()(std::size_t first, std::size_t last, Memory memory, Use use) const {
-    SheetRows rows(sheet_, run_, held_, std::move(memory), block_);
+    AssembledRows rows(assembly_, run_, offset_terms_, std::move(memory), block_);
     const std::size_t order = filter_.order();
-    const std::size_t span = 2 * stretch_.reach() + filter_.every;
-    Carried raw(thins_ ? width_ : 0, block_ + span);
-    Carried signal(width_, block_ + order + 1);
+    const std::size_t span = 2 * segment_.reach() + filter_.every;
+    SlidingBuffer raw(thins_ ? width_ : 0, block_ + span);
+    SlidingBuffer signal(width_, block_ + order + 1);
     const ColumnBlock white(order > 0 ? width_ : 0, block_);
-    std::size_t row = begin(stretch_, filter_, first);
+    std::size_t row = begin(segment_, filter_, first);
     std::size_t next = first - order;  // the output whose signal comes next
     while (next < last) {
       const std::size_t left = needed(last, row);
@@ -164,17 +164,17 @@ class Filtered {
  private:
   /// Rows from `row` on that outputs before `last` need.
   std::size_t needed(std::size_t last, std::size_t row) const noexcept {
-    return stretch_.first + (last - 1) * filter_.every + stretch_.reach() + 1 - row;
+    return segment_.first + (last - 1) * filter_.every + segment_.reach() + 1 - row;
   }
 
   /// Low-passes and thins what has come in; returns how many values that gives.
-  std::size_t thin(Carried& raw, const Carried& signal, std::size_t most) const {
-    const std::size_t window = 2 * stretch_.reach() + 1;
+  std::size_t thin(SlidingBuffer& raw, const SlidingBuffer& signal, std::size_t most) const {
+    const std::size_t window = 2 * segment_.reach() + 1;
     if (raw.size() < window) return 0;
     const std::size_t count = std::min((raw.size() - window) / filter_.every + 1, most);
     const double one = 1.0;
     const std::span<const double> kernel =
-        stretch_.kernel.empty() ? std::span(&one, 1) : std::span<const double>(stretch_.kernel);
+        segment_.kernel.empty() ? std::span(&one, 1) : std::span<const double>(segment_.kernel);
     for (std::size_t k = 0; k < width_; ++k) {
       smooth(kernel, raw.begin(k), filter_.every, count, signal.end(k));
     }
@@ -183,14 +183,14 @@ class Filtered {
   }
 
   /// The last column holds what is taken off the target; it becomes what is left.
-  void take_target(const Carried& signal, std::size_t next, std::size_t count) const {
+  void take_target(const SlidingBuffer& signal, std::size_t next, std::size_t count) const {
     double* column = signal.end(width_ - 1);
-    const double* target = run_.target + stretch_.first + next * filter_.every;
+    const double* target = run_.target + segment_.first + next * filter_.every;
     for (std::size_t i = 0; i < count; ++i) column[i] = target[i * filter_.every] - column[i];
   }
 
   template <typename Use>
-  void give(Carried& signal, const ColumnBlock& white, std::size_t next, Use& use) const {
+  void give(SlidingBuffer& signal, const ColumnBlock& white, std::size_t next, Use& use) const {
     const std::size_t order = filter_.order();
     if (signal.size() <= order) return;
     const std::size_t count = signal.size() - order;
@@ -203,11 +203,11 @@ class Filtered {
     signal.drop(count);
   }
 
-  const Sheet& sheet_;
-  const SheetRun& run_;
-  const Stretch& stretch_;
+  const ColumnAssembly& assembly_;
+  const AssemblyRun& run_;
+  const Segment& segment_;
   const Filter& filter_;
-  const Mixture& held_;
+  const Mixture& offset_terms_;
   std::size_t width_;
   std::size_t block_;
   bool thins_;

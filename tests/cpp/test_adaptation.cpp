@@ -157,7 +157,7 @@ TEST_CASE_TEMPLATE("one direction alone, however long, leaves the other as it wa
   CHECK(across == doctest::Approx(0.25 / 0.25 + 1 / 0.64).epsilon(rounding<S>(4e4)));
   // ζ of a row goes to (1 − λ) / 100 of a round of 100 blocks, with the last one in it.
   const double zeta = 16 * ((d0 + u * u * d1) + 2 * 0.5 * u * d1 + 0.25 * d1);
-  CHECK(zeta == doctest::Approx(-math::decayed(0.125) / 100).epsilon(1e-3));
+  CHECK(zeta == doctest::Approx(-math::expm1_negative(0.125) / 100).epsilon(1e-3));
   const double said = (rig.value(0) - 5) + 0.5 * (rig.value(1) - 8);
   CHECK(said == doctest::Approx(0.6).epsilon(0.02));
   CHECK(std::abs(rig.value(0) - 5) < 0.6);

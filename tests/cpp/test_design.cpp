@@ -58,7 +58,7 @@ std::vector<double> fill(const batch::Design& design, const RandomLog& log,
                          std::span<const double> coefficients) {
   std::vector<double> out(design.columns() * rows);
   batch::Memory memory = design.fresh();
-  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+  batch::in_chunks({0, rows}, [&](std::size_t first, std::size_t count) {
     design.fill(log.channels(), first, count, coefficients, memory, out.data() + first, rows);
   });
   return out;
@@ -98,7 +98,7 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
   const auto columns = fill(design, log, coefficients);
   std::vector<double> predicted(rows);
   batch::Memory memory = design.fresh();
-  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+  batch::in_chunks({0, rows}, [&](std::size_t first, std::size_t count) {
     design.predict(log.channels(), first, count, coefficients, memory, predicted.data() + first);
   });
   typename Model<double, Effects...>::State state;
@@ -205,7 +205,8 @@ TEST_CASE("columns and sums of a design have the bits of the plain rows: errors 
   check_equal(Model<D, TorqueConstantError<D>, Inertia<D>, TimeDrift<D>>{}, 59);
 }
 
-TEST_CASE("columns and sums of a design have the bits of the plain rows: bent ripple and mesh") {
+TEST_CASE(
+    "columns and sums of a design have the bits of the plain rows: modulated ripple and mesh") {
   std::vector<Harmonic> mixed{{1, circular_pair},
                               {2, circular_pair},
                               {3, circular_pair},
@@ -286,7 +287,7 @@ TEST_CASE("rows are settled once no start, wherever in the widths, makes a diffe
   for (double& value : log.load) value = path += 0.05 * (value + 2.0);
   std::array<bool, rows> settled{};
   batch::Memory memory = design.fresh();
-  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+  batch::in_chunks({0, rows}, [&](std::size_t first, std::size_t count) {
     design.settled(log.channels(), first, count, {}, memory, settled.data() + first);
   });
   const auto low = [&](double start) {
@@ -346,11 +347,11 @@ TEST_CASE("structure is found where orders are 1 to n of one pair, n of four or 
   CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}})}).has_value());
   CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}, {5, {}}})}).has_value());
   CHECK_FALSE(structure({ripple({{2, {}}, {3, {}}, {4, {}}, {5, {}}})}).has_value());
-  batch::AnyEffect bent = batch::effect_by_name("speed_dependent_ripple");
+  batch::AnyEffect modulated = batch::effect_by_name("speed_dependent_ripple");
   std::vector<Harmonic> turning(four);
   for (Harmonic& harmonic : turning) harmonic.pair = Pair::motor_on_stator;
-  batch::set_harmonics(bent, turning);
-  CHECK_FALSE(structure({bent}).has_value());
+  batch::set_harmonics(modulated, turning);
+  CHECK_FALSE(structure({modulated}).has_value());
 
   const auto found = structure({ViscousFriction<D>{}, ripple(four), Offset<D>{}, Inertia<D>{}});
   REQUIRE(found.has_value());

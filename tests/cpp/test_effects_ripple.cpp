@@ -18,8 +18,9 @@ SpeedDependentRipple<S, 2> resonant() {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("bent ripple is what an oscillator adds to what drives it, in both directions",
-                   S, float, double) {
+TEST_CASE_TEMPLATE(
+    "modulated ripple is what an oscillator adds to what drives it, in both directions", S, float,
+    double) {
   const auto effect = resonant<S>();
   std::mt19937_64 random(40);
   for (int i = 0; i < 500; ++i) {
@@ -40,8 +41,8 @@ TEST_CASE_TEMPLATE("bent ripple is what an oscillator adds to what drives it, in
   }
 }
 
-TEST_CASE_TEMPLATE("bent ripple is nothing at rest and takes the ripple away far above", S, float,
-                   double) {
+TEST_CASE_TEMPLATE("modulated ripple is nothing at rest and takes the ripple away far above", S,
+                   float, double) {
   const auto effect = resonant<S>();
   std::mt19937_64 random(41);
   auto at = usual_sample<S>(random);

@@ -42,7 +42,7 @@ long double worst_error_per_step(const std::vector<std::uint32_t>& orders) {
       const auto wrapped = static_cast<math::Bits<S>>(orders[k] * fraction);
       const long double angle =
           turn * std::ldexp(static_cast<long double>(wrapped), -8 * int(sizeof(S)));
-      const long double steps = effect.ways()[k].steps;
+      const long double steps = effect.recurrences()[k].steps;
       const auto error = [&](S found, long double exact) {
         return std::abs(static_cast<long double>(found) - exact) / steps;
       };
@@ -57,7 +57,7 @@ long double worst_error_per_step(const std::vector<std::uint32_t>& orders) {
 std::vector<int> steps(const std::vector<std::uint32_t>& orders) {
   std::vector<int> found;
   const auto effect = ripple<float>(orders);
-  for (const Way& way : effect.ways()) found.push_back(way.steps);
+  for (const Recurrence& recurrence : effect.recurrences()) found.push_back(recurrence.steps);
   return found;
 }
 
@@ -92,7 +92,7 @@ TEST_CASE("orders are added up from those before, in sixteen steps at most") {
   CHECK(steps({2147483648U, 4294967295U, 1}) == std::vector<int>{1, 1, 1});
 }
 
-TEST_CASE_TEMPLATE("every way leads to its order, whatever the list", S, float, double) {
+TEST_CASE_TEMPLATE("every recurrence leads to its order, whatever the list", S, float, double) {
   std::mt19937_64 random(31);
   for (int list = 0; list < 300; ++list) {
     std::vector<std::uint32_t> orders(most);
@@ -101,17 +101,17 @@ TEST_CASE_TEMPLATE("every way leads to its order, whatever the list", S, float, 
     const auto at = at_phase<S>(static_cast<math::Bits<S>>(random()));
     const auto row = effect.row(at);
     for (std::size_t k = 0; k < most; ++k) {
-      const Way way = effect.ways()[k];
+      const Recurrence recurrence = effect.recurrences()[k];
       const auto p = (math::Bits<S>(orders[k]) * at.output_position.phase).phasor();
-      const S bound = S(3) * S(way.steps) * std::numeric_limits<S>::epsilon();
+      const S bound = S(3) * S(recurrence.steps) * std::numeric_limits<S>::epsilon();
       CHECK(math::absolute(row[2 * k] - p.cosine) <= bound);
       CHECK(math::absolute(row[2 * k + 1] - p.sine) <= bound);
-      if (way.steps == 1) {
+      if (recurrence.steps == 1) {
         CHECK(same_bits(row[2 * k], p.cosine));
         continue;
       }
-      REQUIRE((way.from <= way.by && way.by < k));
-      CHECK(orders[way.from] + orders[way.by] == orders[k]);
+      REQUIRE((recurrence.from <= recurrence.by && recurrence.by < k));
+      CHECK(orders[recurrence.from] + orders[recurrence.by] == orders[k]);
     }
   }
 }
@@ -132,9 +132,9 @@ TEST_CASE_TEMPLATE("each pair turns its own harmonics", S, float, double) {
                                             {2, Pair::wave_generator_on_circular_spline},
                                             {2, Pair::wave_generator_on_flexspline},
                                             {3, Pair::wave_generator_on_flexspline}}}}};
-  CHECK(effect.ways()[1].steps == 2);
-  CHECK(effect.ways()[2].steps == 1);
-  CHECK(effect.ways()[3].steps == 1);
+  CHECK(effect.recurrences()[1].steps == 2);
+  CHECK(effect.recurrences()[2].steps == 1);
+  CHECK(effect.recurrences()[3].steps == 1);
   Sample<S> at;
   at.wave_generator_on_circular_spline = Angle<S>::from_turns(S(0.25)).phase;
   at.wave_generator_on_flexspline = Angle<S>::from_turns(S(0.5)).phase;

@@ -126,9 +126,9 @@ TEST_CASE("a body that sticks keeps every bit of its place") {
   Record record;
   record.column[0] = q.data();
   record.column[3] = theta.data();
-  Course course;
-  course.motion.position = {resting_motor_angle(joint, 0, 15.0), 0};
-  const Outcome outcome = simulate(joint, signals, {}, true, course, record);
+  SimulationState state;
+  state.motion.position = {resting_motor_angle(joint, 0, 15.0), 0};
+  const Outcome outcome = simulate(joint, signals, {}, true, state, record);
   CHECK(outcome.fault == batch::simulation::Fault::none);
   for (std::size_t i = 1; i < time.size(); ++i) {
     CHECK(q[i] == q[0]);

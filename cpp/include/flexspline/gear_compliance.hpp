@@ -59,7 +59,7 @@ constexpr FlaggedTorque<S> mesh_torque(S torsion, S stiffness, S shape, S margin
 template <typename S>
 constexpr S wave_generator_torsion(S motor_torque, S stiffness, S shape) noexcept {
   const S size = math::absolute(motor_torque);
-  const S bent = shape == S(0) ? size : -math::decayed(shape * size) / shape;
+  const S bent = shape == S(0) ? size : -math::expm1_negative(shape * size) / shape;
   return (motor_torque < S(0) ? bent : -bent) / stiffness;
 }
 

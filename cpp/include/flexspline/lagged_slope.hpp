@@ -29,7 +29,7 @@ struct LaggedSlope {
   /// 1 − e^(−t / τ), the part of a step that needs no memory; `period` > 0 in s, `time_constant`
   /// τ > 0 in s.
   static constexpr S share(S period, S time_constant) noexcept {
-    return -math::decayed(math::clamp(period / time_constant, S(0), S(50)));
+    return -math::expm1_negative(math::clamp(period / time_constant, S(0), S(50)));
   }
 
   /// `period` > 0 in s, and its share.

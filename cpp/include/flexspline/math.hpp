@@ -139,7 +139,7 @@ constexpr S expm1(S x) noexcept {
 
 /// e^(−x) − 1 for x ≥ 0, accurate near zero: what is left of a decay, less the whole.
 template <typename S>
-constexpr S decayed(S x) noexcept {
+constexpr S expm1_negative(S x) noexcept {
   const S held = x > largest_exponent<S> ? largest_exponent<S> : x;
   const Exponential<S> e = exponential(-held);
   return e.scale * e.remainder + (e.scale - S(1));
@@ -148,7 +148,7 @@ constexpr S decayed(S x) noexcept {
 /// Hyperbolic tangent: odd, tanh(±∞) = ±1, accurate near zero.
 template <typename S>
 constexpr S tanh(S x) noexcept {
-  const S e = decayed(S(2) * absolute(x));
+  const S e = expm1_negative(S(2) * absolute(x));
   const S positive = -e / (S(2) + e);
   return x < S(0) ? -positive : positive;
 }

@@ -28,7 +28,7 @@ struct SelfHeating {
   constexpr Status step(S loss, S period, S& temperature) const noexcept {
     if (!is_period(period)) return Status::bad_period;
     const S end = ambient + resistance * loss;
-    const S next = temperature - math::decayed(period / time_constant) * (end - temperature);
+    const S next = temperature - math::expm1_negative(period / time_constant) * (end - temperature);
     if (!math::is_finite(next)) return Status::not_finite;
     temperature = next;
     return Status::ok;

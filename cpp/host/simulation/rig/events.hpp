@@ -123,7 +123,7 @@ inline void hold_undecided(const Joint& joint, Motion& m) noexcept {
   }
 }
 
-/// The first change within h seconds of `before`, whose smooth end is `after`: number and moment,
+/// The first change within h seconds of `before`, whose smooth end is `after`: number and time,
 /// or `event_count` where there is none.
 struct Event {
   std::size_t which;

@@ -152,11 +152,12 @@ inline std::size_t best_order(double accuracy) noexcept {
   return wanted < static_cast<double>(most_terms) ? static_cast<std::size_t>(wanted) : most_terms;
 }
 
-/// The share of `e.unit` over which the last two terms stay below `accuracy` of the motion; it is
-/// looked for from `guess` downwards, and may be too short where the guess is.
+/// The radius of convergence to an accuracy, as a share of `e.unit`: over it the last two terms
+/// stay below `accuracy` of the motion. It is looked for from `guess` downwards, and may be too
+/// short where the guess is.
 template <Kind kind>
-inline double reach(const Joint& joint, const Expansion& e, double accuracy,
-                    double guess) noexcept {
+inline double convergence_radius(const Joint& joint, const Expansion& e, double accuracy,
+                                 double guess) noexcept {
   const std::array<std::size_t, 2> last{e.order - 1, e.order};
   for (;;) {
     // Inputs are linear: what does not move by these terms does not move at all.
@@ -194,7 +195,7 @@ inline double expand(const Joint& joint, std::size_t most, double accuracy, doub
     if (fits && small) return 1;
     small = fits;
   }
-  return reach<kind>(joint, e, accuracy, guess);
+  return convergence_radius<kind>(joint, e, accuracy, guess);
 }
 
 }  // namespace flexspline::batch::simulation

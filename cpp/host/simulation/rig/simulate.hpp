@@ -3,14 +3,14 @@
 /// Between two rows inputs are linear (or hold the first one's value); each stretch without a jump
 /// is cut into equal steps, as few as keep each at or below `longest_step`. Mechanics is of fourth
 /// order in the step, or of sixth where nothing can stick, slip, touch or brake; temperatures
-/// follow once a stretch. Asked for an accuracy, a smooth joint with losses goes by leaps instead,
-/// over many rows where its torques are straight lines and nothing else changes at rows. What goes
-/// wrong is a `Fault` with its row; rows before it are valid.
+/// follow once a stretch. Asked for an accuracy, a smooth joint with losses takes series steps
+/// instead, over many rows where its torques are straight lines and nothing else changes at rows.
+/// What goes wrong is a `Fault` with its row; rows before it are valid.
 #pragma once
 
 #include <cmath>
 
-#include "host/simulation/rig/leaps.hpp"
+#include "host/simulation/rig/series_steps.hpp"
 #include "host/simulation/rig/servo.hpp"
 #include "host/simulation/rig/signals.hpp"
 #include "host/simulation/rig/thermal.hpp"
@@ -28,17 +28,17 @@ struct Stop {
 };
 
 struct Options {
-  double longest_step = 1e-4;  ///< s
-  double coarsest = 1e300;     ///< of ω h of the gear; `unstable` beyond it
-  int order = 4;               ///< 4 or 6; the latter of joints without events
-  double accuracy = 0;         ///< of leaps, of a joint that is expandable; 0: steps
-  double shortest_leap = 0;    ///< s; a motion that asks for less has no bound
+  double longest_step = 1e-4;       ///< s
+  double coarsest = 1e300;          ///< of ω h of the gear; `unstable` beyond it
+  int order = 4;                    ///< 4 or 6; the latter of joints without events
+  double accuracy = 0;              ///< of series steps, of a joint that is expandable; 0: steps
+  double shortest_series_step = 0;  ///< s; a motion that asks for less has no bound
   Servo servo;
   Stop stop;
 };
 
 /// Everything that goes on from one call to the next.
-struct Course {
+struct SimulationState {
   Motion motion;
   Servo::State servo;
   double next_tick = -1e300;  ///< s
@@ -51,8 +51,8 @@ struct Course {
 struct Outcome {
   Fault fault = Fault::none;
   std::size_t row = 0;
-  double largest_phase = 0;  ///< ω h
-  double longest_leap = 0;   ///< s
+  double largest_phase = 0;        ///< ω h
+  double longest_series_step = 0;  ///< s
 };
 
 /// 1/s: the fastest eigenfrequency where the spring has dτ/du = `stiffness`, and the
@@ -109,10 +109,10 @@ inline Command command_at(const Signals& s, std::size_t i, double t) noexcept {
 }
 
 /// The motor's torque is taken away, its brake falls, or the position of now is held.
-inline void stop_now(const Joint& joint, const Options& options, Course& c) noexcept {
-  c.stopped = true;
-  Motion& m = c.motion;
-  c.held = {m.position[output], 0, 0};
+inline void stop_now(const Joint& joint, const Options& options, SimulationState& state) noexcept {
+  state.stopped = true;
+  Motion& m = state.motion;
+  state.held = {m.position[output], 0, 0};
   if (options.stop.reaction != Reaction::brake) return;
   m.braked = true;
   for (std::size_t body = joint.rigid ? output : motor; body < 2; ++body) {
@@ -123,17 +123,17 @@ inline void stop_now(const Joint& joint, const Options& options, Course& c) noex
 
 /// What the motor gets from time t on.
 inline void drive(const Joint& joint, const Signals& s, const Options& options, std::size_t row,
-                  double t, Course& c, Inputs& in) noexcept {
-  const bool holds = c.stopped && options.stop.reaction == Reaction::hold_position;
-  if (options.servo.period > 0 && (!c.stopped || holds)) {
+                  double t, SimulationState& state, Inputs& in) noexcept {
+  const bool holds = state.stopped && options.stop.reaction == Reaction::hold_position;
+  if (options.servo.period > 0 && (!state.stopped || holds)) {
     const double early = 1e-9 * options.servo.period;
-    if (c.next_tick <= t + early) {
-      const Command command = holds ? c.held : command_at(s, row, t);
-      c.servo_torque = servo_step(options.servo, joint, command, c.motion, c.servo);
-      c.next_tick = (c.next_tick < t - early ? t : c.next_tick) + options.servo.period;
+    if (state.next_tick <= t + early) {
+      const Command command = holds ? state.held : command_at(s, row, t);
+      state.servo_torque = servo_step(options.servo, joint, command, state.motion, state.servo);
+      state.next_tick = (state.next_tick < t - early ? t : state.next_tick) + options.servo.period;
     }
-    in.motor_torque = {c.servo_torque, 0};
-  } else if (c.stopped) {
+    in.motor_torque = {state.servo_torque, 0};
+  } else if (state.stopped) {
     in.motor_torque = {};
   }
 }
@@ -148,23 +148,25 @@ inline std::int64_t steps_of(const Options& options, double length, bool braked)
   return count < 1 ? 1 : count;
 }
 
-/// What a run remembers besides its course.
-struct Progress {
+/// What one call remembers besides the state of the simulation.
+struct RunState {
   double stiffest = 0;  ///< Nm/rad at the motor side, of the spring
-  Pace pace;
+  SeriesStepControl control;
   Straight straight;
   Rows rows;
 };
 
-/// Steps or leaps from t to `end`, which has no jump in it.
+/// Steps or series steps from t to `end`, which has no jump in it.
 inline Fault integrate_interval(const Joint& joint, const Inputs& in, const Options& options,
-                                double t, double end, Motion& m, Progress& p) noexcept {
-  if (p.pace.accuracy > 0 && !m.braked) return leaps(joint, in, t, end, p.pace, m, p.rows);
+                                double t, double end, Motion& m, RunState& run) noexcept {
+  if (run.control.accuracy > 0 && !m.braked) {
+    return series_steps(joint, in, t, end, run.control, m, run.rows);
+  }
   const double length = end - t;
   const std::int64_t count = steps_of(options, length, m.braked);
   const double h = count == 1 ? length : length / static_cast<double>(count);
   const StepsFunction go = steps_for(joint, options.order, m.braked);
-  return go(joint, in, t, h, count, options.coarsest, m, p.stiffest);
+  return go(joint, in, t, h, count, options.coarsest, m, run.stiffest);
 }
 
 /// Temperatures after `length` seconds in which the work grew from `before`.
@@ -179,54 +181,58 @@ inline void heat_up(const Joint& joint, const Work& before, double room, double 
 
 /// From row i to row `last`.
 inline Fault run_rows(const Joint& joint, const Signals& s, const Options& options, std::size_t i,
-                      std::size_t last, Course& c, Inputs& in, Progress& p) noexcept {
+                      std::size_t last, SimulationState& state, Inputs& in,
+                      RunState& run) noexcept {
   double t = s.time[i];
   const double end = s.time[last];
   while (t < end) {
-    if (!c.stopped && t >= c.stop_time) stop_now(joint, options, c);
-    drive(joint, s, options, i, t, c, in);
+    if (!state.stopped && t >= state.stop_time) stop_now(joint, options, state);
+    drive(joint, s, options, i, t, state, in);
     double next = end;
-    if (options.servo.period > 0 && c.next_tick > t && c.next_tick < next) next = c.next_tick;
-    if (!c.stopped && c.stop_time > t && c.stop_time < next) next = c.stop_time;
+    if (options.servo.period > 0 && state.next_tick > t && state.next_tick < next) {
+      next = state.next_tick;
+    }
+    if (!state.stopped && state.stop_time > t && state.stop_time < next) next = state.stop_time;
     if (end - next < 1e-9 * (end - s.time[i])) next = end;
-    const Work before = c.motion.work;
-    const Fault fault = integrate_interval(joint, in, options, t, next, c.motion, p);
+    const Work before = state.motion.work;
+    const Fault fault = integrate_interval(joint, in, options, t, next, state.motion, run);
     if (fault != Fault::none) return fault;
-    heat_up(joint, before, at_or(s.room_temperature, i, 25), next - t, c.motion);
+    heat_up(joint, before, at_or(s.room_temperature, i, 25), next - t, state.motion);
     t = next;
   }
   return Fault::none;
 }
 
-/// The row up to which a leap may go from row i: the next one where anything happens at rows.
+/// The row up to which a series step may go from row i: the next one where anything happens at
+/// rows.
 inline std::size_t last_of(const Joint& joint, const Signals& s, const Options& options,
-                           std::size_t i, const Course& c, Progress& p) noexcept {
+                           std::size_t i, const SimulationState& state, RunState& run) noexcept {
   const Thermal& th = joint.thermal;
   const Stop& stop = options.stop;
   const bool warm = th.motor_capacity > 0 || th.body_capacity > 0 ||
-                    s.room_temperature != nullptr || c.motion.temperature[motor] != 25 ||
-                    c.motion.temperature[output] != 25;
-  const bool driven = options.servo.period > 0 || c.stopped || c.stop_time < 1e300;
-  if (p.pace.accuracy == 0 || warm || driven || stop.threshold < 1e300) return i + 1;
-  return p.straight.last(s, i);
+                    s.room_temperature != nullptr || state.motion.temperature[motor] != 25 ||
+                    state.motion.temperature[output] != 25;
+  const bool driven = options.servo.period > 0 || state.stopped || state.stop_time < 1e300;
+  if (run.control.accuracy == 0 || warm || driven || stop.threshold < 1e300) return i + 1;
+  return run.straight.last(s, i);
 }
 
 /// Watches the torque through the sensor at a row that is written.
 inline void watch(const Joint& joint, const Inputs& in, const Options& options, double t,
-                  Course& c) noexcept {
-  if (c.stopped || c.stop_time < 1e300 || options.stop.threshold >= 1e300) return;
-  Motion m = c.motion;
+                  SimulationState& state) noexcept {
+  if (state.stopped || state.stop_time < 1e300 || options.stop.threshold >= 1e300) return;
+  Motion m = state.motion;
   const Torques at = torques(joint, in, t, m);
   const double a = slopes(joint, at, m)[output].acceleration;
   const double through = outer_load(at, m) - at.outside.ripple + joint.link_inertia * a;
-  if (math::absolute(through) > options.stop.threshold) c.stop_time = t + options.stop.delay;
+  if (math::absolute(through) > options.stop.threshold) state.stop_time = t + options.stop.delay;
 }
 
 /// Bodies at rest stick or slide, the obstacle is touched or not, temperatures act.
 inline void begin(const Joint& joint, const Inputs& in, double t, const Options& options,
-                  Course& c) noexcept {
-  Motion& m = c.motion;
-  c.stop_time = options.stop.time;
+                  SimulationState& state) noexcept {
+  Motion& m = state.motion;
+  state.stop_time = options.stop.time;
   warm_up(joint, m);
   m.error = error_at(joint, m);
   const Obstacle& o = joint.obstacle;
@@ -242,49 +248,50 @@ inline void begin(const Joint& joint, const Inputs& in, double t, const Options&
   }
 }
 
-/// Where it begins: leaps only of a joint that can, as accurate as the options say.
-inline Progress progress_of(const Joint& joint, const Signals& s, const Options& options,
-                            const Course& c, const Record& record) noexcept {
-  Progress p{c.motion.spring.stiffness, {}, {}, {s.time, 1, 1, record, record.needs_torques()}};
+/// Where it begins: series steps only of a joint that can, as accurate as the options say.
+inline RunState run_state_of(const Joint& joint, const Signals& s, const Options& options,
+                             const SimulationState& state, const Record& record) noexcept {
+  RunState run{
+      state.motion.spring.stiffness, {}, {}, {s.time, 1, 1, record, record.needs_torques()}};
   if (options.accuracy > 0 && expandable(joint)) {
-    p.pace.accuracy = options.accuracy;
-    p.pace.order = best_order(options.accuracy);
-    p.pace.shortest = options.shortest_leap;
-    p.pace.reached = options.longest_step;
-    p.straight = Straight::of(s);
+    run.control.accuracy = options.accuracy;
+    run.control.order = best_order(options.accuracy);
+    run.control.shortest = options.shortest_series_step;
+    run.control.radius = options.longest_step;
+    run.straight = Straight::of(s);
   }
-  return p;
+  return run;
 }
 
-/// Simulates all rows. `c` holds where it starts, and in the end where it is; `fresh` says that
+/// Simulates all rows. `state` holds where it starts, and in the end where it is; `fresh` says that
 /// only positions, velocities and temperatures of it are given.
 inline Outcome simulate(const Joint& joint, const Signals& s, const Options& options, bool fresh,
-                        Course& c, const Record& record) noexcept {
-  c.motion.spring = spring_at(joint.spring, c.motion.spring.torque);
-  Progress p = progress_of(joint, s, options, c, record);
+                        SimulationState& state, const Record& record) noexcept {
+  state.motion.spring = spring_at(joint.spring, state.motion.spring.torque);
+  RunState run = run_state_of(joint, s, options, state, record);
   Inputs in = inputs_of(s, 0, 1);
-  drive(joint, s, options, 0, s.time[0], c, in);
-  if (fresh) begin(joint, in, s.time[0], options, c);
+  drive(joint, s, options, 0, s.time[0], state, in);
+  if (fresh) begin(joint, in, s.time[0], options, state);
   Outcome outcome;
-  for (std::size_t i = 0;; i = p.rows.end) {
-    p.rows.end = i + 1 < s.size ? last_of(joint, s, options, i, c, p) : i;
-    p.rows.next = i + 1;
-    if (i > 0) in = inputs_of(s, i, p.rows.end);
-    if (!c.stopped && s.time[i] >= c.stop_time) stop_now(joint, options, c);
-    drive(joint, s, options, i, s.time[i], c, in);
-    if (p.rows.all) {
-      write_all(joint, in, s.time[i], c.motion, c.stopped, i, record);
+  for (std::size_t i = 0;; i = run.rows.end) {
+    run.rows.end = i + 1 < s.size ? last_of(joint, s, options, i, state, run) : i;
+    run.rows.next = i + 1;
+    if (i > 0) in = inputs_of(s, i, run.rows.end);
+    if (!state.stopped && s.time[i] >= state.stop_time) stop_now(joint, options, state);
+    drive(joint, s, options, i, s.time[i], state, in);
+    if (run.rows.all) {
+      write_all(joint, in, s.time[i], state.motion, state.stopped, i, record);
     } else {
-      write_motion(joint, c.motion, i, record);
+      write_motion(joint, state.motion, i, record);
     }
     if (i + 1 == s.size) break;
-    watch(joint, in, options, s.time[i], c);
-    outcome.fault = run_rows(joint, s, options, i, p.rows.end, c, in, p);
+    watch(joint, in, options, s.time[i], state);
+    outcome.fault = run_rows(joint, s, options, i, run.rows.end, state, in, run);
     if (outcome.fault != Fault::none) break;
   }
-  outcome.row = p.rows.next - 1;
-  outcome.largest_phase = fastest(joint, p.stiffest).frequency * options.longest_step;
-  outcome.longest_leap = p.pace.longest;
+  outcome.row = run.rows.next - 1;
+  outcome.largest_phase = fastest(joint, run.stiffest).frequency * options.longest_step;
+  outcome.longest_series_step = run.control.longest;
   return outcome;
 }
 

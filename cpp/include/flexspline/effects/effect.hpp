@@ -104,8 +104,8 @@ concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics(); };
 
 /// Harmonics whose amplitude and phase speed changes: their rows are more than cosines and sines.
 template <typename Effect>
-concept BentHarmonicEffect =
-    HarmonicEffect<Effect> && requires(const Effect& effect) { effect.bent({}, 1, {}); };
+concept ModulatedHarmonicEffect =
+    HarmonicEffect<Effect> && requires(const Effect& effect) { effect.modulated({}, 1, {}); };
 
 /// Effects that make up the transmitted torque beside the known load.
 template <typename Effect>

@@ -37,7 +37,7 @@ struct Harmonic {
 };
 
 /// How a harmonic is reached: by itself, or from two before it, whose angles add up to its own.
-struct Way {
+struct Recurrence {
   std::uint8_t steps = 1;  ///< 1: by itself; else the steps of the two together
   std::uint8_t from = 0;   ///< place of the one
   std::uint8_t by = 0;     ///< place of the other
@@ -77,14 +77,16 @@ class Harmonics {
     count_ = harmonics.size();
     for (std::size_t k = 0; k < count_; ++k) {
       harmonics_[k] = harmonics[k];
-      ways_[k] = way_of(k);
+      recurrences_[k] = recurrence_of(k);
     }
   }
 
   constexpr std::span<const Harmonic> harmonics() const noexcept {
     return std::span(harmonics_).first(count_);
   }
-  constexpr std::span<const Way> ways() const noexcept { return std::span(ways_).first(count_); }
+  constexpr std::span<const Recurrence> recurrences() const noexcept {
+    return std::span(recurrences_).first(count_);
+  }
 
   /// Harmonic k of the row, where those before it are in `row` already.
   constexpr math::Phasor<S> reach(std::size_t k, const Sample<S>& at,
@@ -92,8 +94,9 @@ class Harmonics {
     const auto reached = [row](std::size_t i) {
       return math::Phasor<S>{row[2 * i], row[2 * i + 1]};
     };
-    const Way way = ways_[k];
-    return way.steps > 1 ? math::rotate(reached(way.from), reached(way.by)) : alone(k, at).phasor();
+    const Recurrence recurrence = recurrences_[k];
+    return recurrence.steps > 1 ? math::rotate(reached(recurrence.from), reached(recurrence.by))
+                                : alone(k, at).phasor();
   }
 
   constexpr Row<S, 2 * K> row(const Sample<S>& at) const noexcept {
@@ -112,11 +115,11 @@ class Harmonics {
     return math::Bits<S>(harmonics_[k].order) * phase_of(harmonics_[k].pair, at);
   }
 
-  constexpr Way way_of(std::size_t k) const noexcept {
-    Way best;
+  constexpr Recurrence recurrence_of(std::size_t k) const noexcept {
+    Recurrence best;
     for (std::size_t i = 0; i < k; ++i) {
       for (std::size_t j = i; j < k; ++j) {
-        const int steps = ways_[i].steps + ways_[j].steps;
+        const int steps = recurrences_[i].steps + recurrences_[j].steps;
         if (!adds_up(i, j, k) || steps > most_steps || (best.steps > 1 && steps > best.steps)) {
           continue;
         }
@@ -134,7 +137,7 @@ class Harmonics {
   }
 
   std::array<Harmonic, K> harmonics_{};
-  std::array<Way, K> ways_{};
+  std::array<Recurrence, K> recurrences_{};
   std::size_t count_ = K;
 };
 

@@ -39,7 +39,7 @@ struct SensorLag {
                                           S(1e-4), S(10), true}};
   }
 
-  constexpr S ahead(const Sample<S>& at) const noexcept {
+  constexpr S stateless_part(const Sample<S>& at) const noexcept {
     return Slope::share(at.period, smoothing_time);
   }
 
@@ -49,7 +49,7 @@ struct SensorLag {
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
-    return row(at, state, ahead(at));
+    return row(at, state, stateless_part(at));
   }
 
   constexpr bool settled(const State& state) const noexcept { return Slope::settled(state.load); }

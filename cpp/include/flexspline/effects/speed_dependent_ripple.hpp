@@ -45,8 +45,8 @@ struct SpeedDependentRipple : Harmonics<S, K> {
   }
 
   /// Cosine and sine of one order as the resonance adds to them.
-  constexpr math::Phasor<S> bent(const math::Phasor<S>& p, std::uint32_t order,
-                                 S velocity) const noexcept {
+  constexpr math::Phasor<S> modulated(const math::Phasor<S>& p, std::uint32_t order,
+                                      S velocity) const noexcept {
     const S ratio = static_cast<S>(order) * velocity / resonance_velocity;
     const S rho = math::clamp(ratio, S(-1000), S(1000));
     const S square = rho * rho;
@@ -63,7 +63,7 @@ struct SpeedDependentRipple : Harmonics<S, K> {
     for_each_place<K>([&](std::size_t k) {
       if (k >= this->harmonics().size()) return;
       const math::Phasor<S> plain{result[2 * k], result[2 * k + 1]};
-      const auto p = bent(plain, this->harmonics()[k].order, at.output_velocity);
+      const auto p = modulated(plain, this->harmonics()[k].order, at.output_velocity);
       result[2 * k] = p.cosine;
       result[2 * k + 1] = p.sine;
     });

@@ -40,7 +40,7 @@ struct ThermalGradientDrift {
         "thermal_lag", "s", &ThermalGradientDrift::thermal_lag, S(0.1), S(1e4), true}};
   }
 
-  constexpr S ahead(const Sample<S>& at) const noexcept {
+  constexpr S stateless_part(const Sample<S>& at) const noexcept {
     return Slope::share(at.period, thermal_lag);
   }
 
@@ -50,7 +50,7 @@ struct ThermalGradientDrift {
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
-    return row(at, state, ahead(at));
+    return row(at, state, stateless_part(at));
   }
 
   /// By what is said of the start, at once: a burn-in would cost just the warming that shows it.

@@ -393,7 +393,7 @@ struct Adaptation {
 
   static constexpr void finish(const Config& config, State& state, const Numbers& most) noexcept {
     const Round round = directions(config, state, most);
-    const S forgotten = -math::decayed(state.round_time / config.memory);
+    const S forgotten = -math::expm1_negative(state.round_time / config.memory);
     state.seen = {};
     state.said = {};
     state.round_time = S(0);

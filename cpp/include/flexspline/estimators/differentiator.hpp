@@ -60,7 +60,7 @@ struct Differentiator {
                                   S period) noexcept {
     const S decay = radians * config.bandwidth * period;
     if (decay != state.decay) [[unlikely]] {
-      state.gain = -math::decayed(decay);
+      state.gain = -math::expm1_negative(decay);
       state.decay = decay;
     }
     const S moved = radians * (position - state.last).shortest();

@@ -73,7 +73,7 @@ struct MomentumObserver {
     S found = state.external;
     if (exact && decay != state.decay) [[unlikely]] {
       state.decay = decay;
-      state.share = -math::decayed(decay);
+      state.share = -math::expm1_negative(decay);
     }
     if (state.started) {
       const S last = state.known_torque;

@@ -49,7 +49,7 @@ struct StructuralDamping {
     if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
     const bool small = math::absolute(torsion) < config.threshold;
     const S rate = small ? S(0) : (torsion - state.torsion) / period;
-    const S gain = -math::decayed(period / config.time_constant);
+    const S gain = -math::expm1_negative(period / config.time_constant);
     const S passed = state.passed + gain * (-config.damping * rate - state.passed);
     if (!math::is_finite(passed)) return Status::not_finite;
     state = {torsion, passed, true};

@@ -70,7 +70,7 @@ struct TemperatureCompensation {
     const bool lags = config.thermal_lag > S(0);
     if (lags) {
       const S last = state.started ? state.body : temperature;
-      body = last - math::decayed(period / config.thermal_lag) * (temperature - last);
+      body = last - math::expm1_negative(period / config.thermal_lag) * (temperature - last);
       torque = drift(config, body) + config.gradient * (temperature - body);
     }
     if (!math::is_finite(torque)) return Status::not_finite;  // as is NaN · 0 and ∞ · 0

@@ -81,7 +81,7 @@ struct Conditioning {
     if (!math::is_finite(bridge_voltage)) return Status::not_finite;
     if (state.started && (!math::is_finite(period) || !(period > S(0)))) return Status::bad_period;
     const S input = config.gain * bridge_voltage + config.offset;
-    const S gain = state.started ? -math::decayed(period / config.time_constant) : S(1);
+    const S gain = state.started ? -math::expm1_negative(period / config.time_constant) : S(1);
     const S filtered = state.filtered + gain * (input - state.filtered);
     if (!math::is_finite(filtered)) return Status::not_finite;
     state = {filtered, true};

@@ -1,4 +1,4 @@
-/// What effects remember at rows of a run, walked through once and kept.
+/// States of effects at rows of a run, computed once and kept.
 #pragma once
 
 #include <iterator>
@@ -10,18 +10,18 @@
 #include <tuple>
 
 #include "host/by_name.hpp"
+#include "host/column_assembly.hpp"
 #include "host/parallel.hpp"
-#include "host/sheet.hpp"
 
 namespace flexspline::batch {
 
-/// What effects remembered at rows of a run: to walk through a long run once is enough.
+/// States of effects at rows of runs: to step through a long run once is enough.
 ///
-/// With a `lead`, memory goes back no further than so many rows: what comes in between two pieces
+/// With a `lead`, memory goes back no further than so many rows: what comes in between two chunks
 /// far apart is skipped, and the first rows after the skip are a guess that fades.
-class Remembered {
+class StateCache {
  public:
-  explicit Remembered(std::size_t lead = std::numeric_limits<std::size_t>::max()) : lead_(lead) {}
+  explicit StateCache(std::size_t lead = std::numeric_limits<std::size_t>::max()) : lead_(lead) {}
 
   std::size_t lead() const noexcept { return lead_; }
 
@@ -30,7 +30,7 @@ class Remembered {
 
   std::map<std::size_t, AnyState>& at(const Key& key) { return known_[key]; }
 
-  /// Held while somebody reads or adds to what is remembered.
+  /// Held while somebody reads or adds to what is known.
   std::mutex& guard() noexcept { return guard_; }
 
  private:
@@ -40,17 +40,18 @@ class Remembered {
 };
 
 /// Whom an effect's memory belongs to; the load counts where the effect reads it.
-inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffect& effect) {
-  Remembered::Key key{run, std::string(name_of(effect)), {}};
+inline StateCache::Key key_of(const ColumnAssembly& assembly, std::size_t run,
+                              const AnyEffect& effect) {
+  StateCache::Key key{run, std::string(name_of(effect)), {}};
   for_each_shape(effect, [&](const auto&, double value) { std::get<2>(key).push_back(value); });
   const bool loaded = std::visit(
       [](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(Channel::load); }, effect);
   std::size_t column = 0;
-  for (const AnyEffect& other : sheet.design.effects()) {
+  for (const AnyEffect& other : assembly.design.effects()) {
     for (std::size_t k = 0; k < terms_of(other); ++k, ++column) {
-      if (!loaded || sheet.load.empty() || sheet.load[column] == 0.0) continue;
+      if (!loaded || assembly.load.empty() || assembly.load[column] == 0.0) continue;
       std::get<1>(key).append(" ").append(name_of(other));
-      std::get<2>(key).push_back(sheet.load[column]);
+      std::get<2>(key).push_back(assembly.load[column]);
     }
   }
   return key;
@@ -58,7 +59,7 @@ inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffe
 
 /// An effect whose memory is asked for, what is known of it, and the steps [first, second) that
 /// lead from there, or from a fresh one `lead` rows before, to the rows that are not known yet.
-struct Recalled {
+struct StateRequest {
   std::size_t effect = 0;
   std::map<std::size_t, AnyState>* known = nullptr;
   std::vector<std::pair<std::size_t, std::size_t>> steps;
@@ -82,31 +83,31 @@ inline std::vector<std::pair<std::size_t, std::size_t>> steps_to(
   return steps;
 }
 
-/// Adds what effects that take the same steps remember behind each.
-inline void recall(const Sheet& sheet, const Channels& channels,
-                   std::span<const Recalled> together) {
+/// Adds the states behind each of the steps, which are the same for these effects.
+inline void compute_states(const ColumnAssembly& assembly, const Channels& channels,
+                           std::span<const StateRequest> together) {
   Memory memory;
   std::vector<std::size_t> which;
-  for (const Recalled& one : together) which.push_back(one.effect);
+  for (const StateRequest& one : together) which.push_back(one.effect);
   for (const auto& [from, row] : together.front().steps) {
-    memory = sheet.design.fresh();
-    for (const Recalled& one : together) {
+    memory = assembly.design.fresh();
+    for (const StateRequest& one : together) {
       const auto before = one.known->find(from);
       if (before != one.known->end()) memory[one.effect] = before->second;
     }
-    sheet.design.advance(channels, from, row, sheet.load, memory, which);
-    for (const Recalled& one : together) one.known->insert_or_assign(row, memory[one.effect]);
+    assembly.design.advance(channels, from, row, assembly.load, memory, which);
+    for (const StateRequest& one : together) one.known->insert_or_assign(row, memory[one.effect]);
   }
 }
 
-/// Recalls effects, those with the same steps together: their rows are read once. Of many, each
-/// thread takes some.
-inline void recall(const Sheet& sheet, const Channels& channels, std::vector<Recalled> wanted,
-                   int threads) {
+/// The same of any effects, those with the same steps together: their rows are read once. Of many,
+/// each thread takes some.
+inline void compute_states(const ColumnAssembly& assembly, const Channels& channels,
+                           std::vector<StateRequest> wanted, int threads) {
   std::stable_sort(wanted.begin(), wanted.end(),
-                   [](const Recalled& a, const Recalled& b) { return a.steps < b.steps; });
+                   [](const StateRequest& a, const StateRequest& b) { return a.steps < b.steps; });
   const std::size_t most = wanted.size() / static_cast<std::size_t>(std::max(threads, 1)) + 1;
-  std::vector<std::span<const Recalled>> parts;
+  std::vector<std::span<const StateRequest>> parts;
   for (std::size_t first = 0, next = 0; first < wanted.size(); first = next) {
     while (next < wanted.size() && next - first < most &&
            wanted[next].steps == wanted[first].steps) {
@@ -114,28 +115,29 @@ inline void recall(const Sheet& sheet, const Channels& channels, std::vector<Rec
     }
     parts.push_back(std::span(wanted).subspan(first, next - first));
   }
-  parallel_blocks(parts.size(), threads, [&](std::size_t p) { recall(sheet, channels, parts[p]); });
+  parallel_blocks(parts.size(), threads,
+                  [&](std::size_t p) { compute_states(assembly, channels, parts[p]); });
 }
 
-/// The memory before each piece of a run; what is known is not walked through again.
-inline std::vector<Memory> memories_of(const Sheet& sheet, const Channels& channels,
+/// The memory before each chunk of a run; what is known is not stepped through again.
+inline std::vector<Memory> memories_of(const ColumnAssembly& assembly, const Channels& channels,
                                        std::size_t run, std::span<const std::size_t> rows,
-                                       Remembered& remembered, int threads) {
-  std::vector<Memory> found(rows.size(), sheet.design.fresh());
-  if (!sheet.design.remembers()) return found;
-  const std::lock_guard held(remembered.guard());
-  const auto& effects = sheet.design.effects();
+                                       StateCache& cache, int threads) {
+  std::vector<Memory> found(rows.size(), assembly.design.fresh());
+  if (!assembly.design.remembers()) return found;
+  const std::lock_guard held(cache.guard());
+  const auto& effects = assembly.design.effects();
   std::map<std::size_t, const std::map<std::size_t, AnyState>*> known;
   std::set<const std::map<std::size_t, AnyState>*> asked;
-  std::vector<Recalled> wanted;
+  std::vector<StateRequest> wanted;
   for (std::size_t k = 0; k < effects.size(); ++k) {
     if (!Design::remembers(effects[k])) continue;
-    auto& states = remembered.at(key_of(sheet, run, effects[k]));
+    auto& states = cache.at(key_of(assembly, run, effects[k]));
     known[k] = &states;
     if (!asked.insert(&states).second) continue;
-    wanted.push_back({k, &states, steps_to(rows, remembered.lead(), states)});
+    wanted.push_back({k, &states, steps_to(rows, cache.lead(), states)});
   }
-  recall(sheet, channels, std::move(wanted), threads);
+  compute_states(assembly, channels, std::move(wanted), threads);
   for (std::size_t p = 0; p < rows.size(); ++p) {
     for (const auto& [k, states] : known) {
       if (rows[p] > 0) found[p][k] = states->at(rows[p]);

@@ -2,9 +2,9 @@
 ///
 ///   parts    rows of a design, then columns that were made elsewhere
 ///   column   Σ weight · part      (most are one part as it is)
-///   target   y − Σ held · part
+///   target   y − Σ offset_term · part
 ///
-/// A column that says how a prediction bends with a shape is the difference of two parts.
+/// A column that says how a prediction changes with a shape is the difference of two parts.
 #pragma once
 
 #include <span>
@@ -21,7 +21,7 @@ struct Share {
 using Mixture = std::vector<Share>;
 
 /// What the columns of all runs are.
-struct Sheet {
+struct ColumnAssembly {
   const Design& design;
   std::span<const double> load;  ///< coefficients that the load is made of; empty: known load
   std::size_t given = 0;         ///< how many columns each run brings along
@@ -30,8 +30,8 @@ struct Sheet {
   std::size_t parts() const noexcept { return design.columns() + given; }
 };
 
-/// A run as a sheet reads it: channels, target, and the columns made elsewhere, from a row on.
-struct SheetRun {
+/// A run as an assembly reads it: channels, target, and the columns made elsewhere, from a row on.
+struct AssemblyRun {
   Channels channels;
   const double* target = nullptr;
   std::vector<const double*> given;
@@ -50,42 +50,43 @@ inline void mix(const Mixture& mixture, const double* parts, std::size_t stride,
 }
 
 /// Makes the columns of one run, a block after the other.
-class SheetRows {
+class AssembledRows {
  public:
-  SheetRows(const Sheet& sheet, const SheetRun& run, const Mixture& held, Memory memory,
-            std::size_t capacity)
-      : sheet_(sheet),
+  AssembledRows(const ColumnAssembly& assembly, const AssemblyRun& run, const Mixture& offset_terms,
+                Memory memory, std::size_t capacity)
+      : assembly_(assembly),
         run_(run),
-        held_(held),
+        offset_terms_(offset_terms),
         memory_(std::move(memory)),
         stride_(capacity),
-        parts_(sheet.parts() * capacity) {}
+        parts_(assembly.parts() * capacity) {}
 
-  /// Rows [first, first + count) of each column k to to(k), and of what is held behind them.
+  /// Rows [first, first + count) of each column k to to(k), and of the offset terms behind them.
   template <typename To>
   void fill(std::size_t first, std::size_t count, To to) {
-    sheet_.design.fill(run_.channels, first, count, sheet_.load, memory_, parts_.data(), stride_);
-    double* part = parts_.data() + sheet_.design.columns() * stride_;
+    assembly_.design.fill(run_.channels, first, count, assembly_.load, memory_, parts_.data(),
+                          stride_);
+    double* part = parts_.data() + assembly_.design.columns() * stride_;
     for (const double* column : run_.given) {
       std::copy_n(column + (first - run_.given_from), count, part);
       part += stride_;
     }
-    const std::size_t width = sheet_.columns.size();
+    const std::size_t width = assembly_.columns.size();
     for (std::size_t k = 0; k < width; ++k) {
-      const Mixture& mixture = sheet_.columns[k];
+      const Mixture& mixture = assembly_.columns[k];
       if (mixture.size() == 1 && mixture[0].weight == 1.0) {
         std::copy_n(parts_.data() + mixture[0].part * stride_, count, to(k));
       } else {
         mix(mixture, parts_.data(), stride_, count, to(k));
       }
     }
-    mix(held_, parts_.data(), stride_, count, to(width));
+    mix(offset_terms_, parts_.data(), stride_, count, to(width));
   }
 
  private:
-  const Sheet& sheet_;
-  const SheetRun& run_;
-  const Mixture& held_;
+  const ColumnAssembly& assembly_;
+  const AssemblyRun& run_;
+  const Mixture& offset_terms_;
   Memory memory_;
   std::size_t stride_;
   std::vector<double> parts_;

@@ -14,38 +14,39 @@
 
 namespace flexspline::batch {
 
-/// An effect and its memory, which moves on.
+/// An effect and its memory, which moves on from row to row.
 template <Remembers Effect>
-struct Walker {
+struct StatefulColumn {
   const Effect* effect;
   StateOf<Effect>* state;
 };
 
 /// An effect with a part of its row that needs no memory: row(at, state) is
-/// row(at, state, ahead(at)).
+/// row(at, state, stateless_part(at)).
 template <typename Effect>
-concept LooksAhead = Remembers<Effect> &&
-                     requires(const Effect& effect, const Sample<double>& at) { effect.ahead(at); };
+concept HasStatelessPart =
+    Remembers<Effect> &&
+    requires(const Effect& effect, const Sample<double>& at) { effect.stateless_part(at); };
 
-/// What of the rows of an effect needs no memory.
-template <LooksAhead Effect>
-void look_ahead(const Effect& effect, const SampleBlock& block, double* out) {
+/// The stateless parts of the rows of an effect.
+template <HasStatelessPart Effect>
+void stateless_parts(const Effect& effect, const SampleBlock& block, double* out) {
   run_wide([&effect, &block, out, size = block.size] {
-    for (std::size_t i = 0; i < size; ++i) out[i] = effect.ahead(block[i]);
+    for (std::size_t i = 0; i < size; ++i) out[i] = effect.stateless_part(block[i]);
   });
 }
 
-/// Takes walkers [first, first + N) through a block, see `walk`.
+/// Takes columns [first, first + N) through a block by turns, see `step_through`.
 template <std::size_t N, Remembers Effect, typename Use>
-void walk_together(std::span<const Walker<Effect>> walkers, std::size_t first,
-                   const SampleBlock& block, Use& use) {
+void step_interleaved(std::span<const StatefulColumn<Effect>> stateful, std::size_t first,
+                      const SampleBlock& block, Use& use) {
   std::array<Effect, N> effects;
   std::array<StateOf<Effect>, N> states;
-  std::array<SampleBlock::Column<double>, LooksAhead<Effect> ? N : 0> ahead;
+  std::array<SampleBlock::Column<double>, HasStatelessPart<Effect> ? N : 0> stateless;
   for (std::size_t n = 0; n < N; ++n) {
-    effects[n] = *walkers[first + n].effect;
-    states[n] = *walkers[first + n].state;
-    if constexpr (LooksAhead<Effect>) look_ahead(effects[n], block, ahead[n].data());
+    effects[n] = *stateful[first + n].effect;
+    states[n] = *stateful[first + n].state;
+    if constexpr (HasStatelessPart<Effect>) stateless_parts(effects[n], block, stateless[n].data());
   }
   for (std::size_t i = 0; i < block.size; ++i) {
     if (block.column<Channel::period>()[i] == 0.0) states = {};
@@ -54,27 +55,28 @@ void walk_together(std::span<const Walker<Effect>> walkers, std::size_t first,
     if (!good) continue;
     const Sample<double> at = block[i];
     for (std::size_t n = 0; n < N; ++n) {
-      if constexpr (LooksAhead<Effect>) {
-        use(first + n, i, effects[n].row(at, states[n], ahead[n][i]), states[n]);
+      if constexpr (HasStatelessPart<Effect>) {
+        use(first + n, i, effects[n].row(at, states[n], stateless[n][i]), states[n]);
       } else {
         use(first + n, i, effects[n].row(at, states[n]), states[n]);
       }
     }
   }
-  for (std::size_t n = 0; n < N; ++n) *walkers[first + n].state = states[n];
+  for (std::size_t n = 0; n < N; ++n) *stateful[first + n].state = states[n];
 }
 
 /// Takes effects through a block: use(number, i, row, state) after each sample of each. A row whose
 /// period is 0 starts anew; one that cannot be read is passed over and leaves the memory as it was.
 template <Remembers Effect, typename Use>
-void walk(std::span<const Walker<Effect>> walkers, const SampleBlock& block, Use use) {
+void step_through(std::span<const StatefulColumn<Effect>> stateful, const SampleBlock& block,
+                  Use use) {
   constexpr std::size_t most = 3;
   std::size_t first = 0;
-  for (; walkers.size() - first >= most; first += most) {
-    walk_together<most>(walkers, first, block, use);
+  for (; stateful.size() - first >= most; first += most) {
+    step_interleaved<most>(stateful, first, block, use);
   }
-  if (walkers.size() - first == 2) walk_together<2>(walkers, first, block, use);
-  if (walkers.size() - first == 1) walk_together<1>(walkers, first, block, use);
+  if (stateful.size() - first == 2) step_interleaved<2>(stateful, first, block, use);
+  if (stateful.size() - first == 1) step_interleaved<1>(stateful, first, block, use);
 }
 
 }  // namespace flexspline::batch
