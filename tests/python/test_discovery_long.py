@@ -14,6 +14,7 @@ import flexspline
 from flexspline.discovery import search
 from flexspline.discovery.search import LEAD
 from flexspline.discovery.settings import SETTINGS
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
@@ -77,3 +78,27 @@ def test_a_ripple_has_the_orders_that_all_rows_show_and_a_part_does_not(
     made = flexspline.discover(BASE, log, target="sensor_torque", known_load=LOAD)
     (effect,) = (e for e in made.model.part().effects if e.name == "wave_generator_ripple")
     assert sorted(order for order, _ in effect.harmonics) == [2, 4]
+
+
+@pytest.mark.parametrize(("amplitude", "all_rows"), [(0.02, False), (0.0015, True)])
+def test_all_rows_are_searched_only_where_a_part_leaves_doubt(
+    monkeypatch: pytest.MonkeyPatch, amplitude: float, all_rows: bool
+) -> None:
+    """No name explains load times the angle's sine; of a small one a part does not tell that."""
+    monkeypatch.setattr(search, "SETTINGS", replace(SETTINGS, rows=1000))
+    searched, again = [], search.Searcher.again
+
+    def watched(self: search.Searcher, work: Working) -> Working:
+        searched.append(rows_of(self.study.problem))
+        return again(self, work)
+
+    monkeypatch.setattr(search.Searcher, "again", watched)
+    c = rich_run(3, 30_000)
+    hidden = amplitude * c[LOAD] * np.sin(c["output_position"])
+    torque = friction_of(c) + hidden + c[LOAD] + noise(3, 30_000, 0.02)
+    log = log_of(c, sensor_torque=torque)
+    made = flexspline.discover(BASE, log, target="sensor_torque", known_load=LOAD)
+    assert [one.effect for one in made.found] == []
+    assert searched == ([30_000] if all_rows else [])
+    if not all_rows:
+        assert made.unexplained is not None and made.unexplained.share_of_variance > 0.9
