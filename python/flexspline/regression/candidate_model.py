@@ -242,6 +242,11 @@ class Working:
         )
         return sheet, np.array(slopes)
 
+    @property
+    def reads_load(self) -> bool:
+        """Whether any effect reads the load, of which the model may make a part."""
+        return any("load" in effect.reads for effect in self.effects)
+
     def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
         """Columns (N, F + S) of a whole run, see `sheet`; and the target, (N,)."""
         return self.sheet(bends=bends).rows(problem, number)
@@ -429,15 +434,11 @@ def coefficients_of(
     count = len(work.searched)
     if not count:
         return *solved_at(problem, work, whitening), np.zeros(0)
-    before = work
+    if work.reads_load:
+        work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
     sheet, slopes = work.opened()
     total = tabulated(problem, sheet, whitening).total
     work, squares = _solved(work, total)
-    if not _stands(before, work):
-        work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 2)
-        sheet, slopes = work.opened()
-        total = tabulated(problem, sheet, whitening).total
-        work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
     full = mixed(total, slopes @ work.coefficients)
@@ -488,7 +489,7 @@ def _solved(work: Working, total: Array) -> tuple[Working, float]:
 
 def _stands(before: Working, after: Working) -> bool:
     """Whether the load that rows read is the same by both sets of coefficients."""
-    if not any("load" in effect.reads for effect in after.effects):
+    if not after.reads_load:
         return True
     carries = np.array([e.info.carries_load for e in after.effects for _ in e.terms])
     made, load = after.coefficients[carries], before.coefficients[carries]
