@@ -33,9 +33,9 @@ from scipy.signal import lfilter
 
 import flexspline
 from flexspline.discovery import discovering
-from flexspline.discovery.search import Study, study_of
-from flexspline.regression.candidate_model import working
-from flexspline.regression.gram import Sheet, Whitening, tabulated
+from flexspline.discovery.search import SearchContext, search_context_of
+from flexspline.regression.candidate_model import candidate_model_of
+from flexspline.regression.gram import ColumnAssembly, Whitening, tabulated
 
 Array = NDArray[np.float64]
 
@@ -96,20 +96,22 @@ def discovered(logs: list[flexspline.Log], threads: int, before_log: float) -> N
     print(f"hidden: {sorted(discover_log.HIDDEN)}; found: {names}")
 
 
-def dictionary(study: Study, remembered: bool = True) -> Sheet:
+def dictionary(context: SearchContext, remembered: bool = True) -> ColumnAssembly:
     effects = [flexspline.effect(name) for name in discover_log.BASE]
-    begun = working(effects, len(effects), {})
-    wanted = [e for c in study.candidates(effects) for e in c.effects]
+    begun = candidate_model_of(effects, len(effects), {})
+    wanted = [e for c in context.candidates(effects) for e in c.effects]
     wanted = [e for e in wanted if remembered or not e.info.remembers]
-    return begun.sheet(beside=list(dict.fromkeys(wanted)))
+    return begun.assembly(beside=list(dict.fromkeys(wanted)))
 
 
-def by_numpy(log: flexspline.Log, study: Study, sheet: Sheet, rows: int) -> Array:
+def by_numpy(
+    log: flexspline.Log, context: SearchContext, assembly: ColumnAssembly, rows: int
+) -> Array:
     """Seconds on the wall and of all cores for the sums of the first `rows` rows, and a solve."""
-    run = study.problem.runs[0]
+    run = context.problem.runs[0]
     channels = numpy_dictionary.channels_of(log.rows(slice(0, rows)), discover_log.LOAD)
     begun = now()
-    columns = numpy_dictionary.columns_of(sheet.effects, channels)
+    columns = numpy_dictionary.columns_of(assembly.effects, channels)
     columns = np.column_stack([columns, run.target[:rows]])
     total = np.zeros((columns.shape[1],) * 2)
     for first in range(0, rows, CHUNK):
@@ -118,7 +120,9 @@ def by_numpy(log: flexspline.Log, study: Study, sheet: Sheet, rows: int) -> Arra
         total += white.T @ white
     np.linalg.lstsq(total[:-1, :-1], total[:-1, -1], rcond=1e-12)
     seconds = now() - begun
-    core = study.problem.design(sheet.effects).rows(run.channels, len(run), sheet.load)[:rows]
+    core = context.problem.design(assembly.effects).rows(run.channels, len(run), assembly.load)[
+        :rows
+    ]
     if not numpy_dictionary.agrees(columns[:, :-1], np.asarray(core)):
         raise SystemExit("numpy's columns are not those of the core")
     return seconds
@@ -127,7 +131,7 @@ def by_numpy(log: flexspline.Log, study: Study, sheet: Sheet, rows: int) -> Arra
 def screened(log: flexspline.Log, threads: int, most: int) -> None:
     """Print seconds of our screening and numpy's, with and without effects that remember."""
     effects = [flexspline.effect(name) for name in discover_log.BASE]
-    study = study_of(
+    context = search_context_of(
         effects,
         [log],
         discover_log.TARGET,
@@ -136,7 +140,7 @@ def screened(log: flexspline.Log, threads: int, most: int) -> None:
         threads=threads,
     )
     rows = min(most, len(log))
-    short = study_of(
+    short = search_context_of(
         effects,
         [log.rows(slice(0, rows))],
         discover_log.TARGET,
@@ -145,16 +149,16 @@ def screened(log: flexspline.Log, threads: int, most: int) -> None:
         threads=threads,
     )
     for remembered in (True, False):
-        sheet, whitening = dictionary(study, remembered), Whitening(NOISE, 1.0, 1)
+        assembly, whitening = dictionary(context, remembered), Whitening(NOISE, 1.0, 1)
         seconds = []
         for _ in range(3):
             begun = now()
-            tabulated(study.problem, sheet, whitening)
+            tabulated(context.problem, assembly, whitening)
             seconds.append(now() - begun)
         ours = np.array(seconds) / len(log)
-        theirs = by_numpy(log, short, sheet, rows) / rows
+        theirs = by_numpy(log, short, assembly, rows) / rows
         what = "all effects" if remembered else "effects without memory"
-        print(f"screening, {what}: {sheet.width} columns, {len(log)} rows, {threads} threads; "
+        print(f"screening, {what}: {assembly.width} columns, {len(log)} rows, {threads} threads; "
               "seconds for a million rows on the wall (of all cores)")  # fmt: skip
         print(f"  first {_said(ours[0])}, again {_said(ours[1:].min(axis=0))}; numpy "
               f"{_said(theirs)}")  # fmt: skip

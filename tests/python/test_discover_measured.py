@@ -64,8 +64,8 @@ def test_rest_is_found_at_the_end_of_a_run_and_never_in_a_reversal(joint: int) -
     assert 0.02 < still.mean() < 0.12
     assert speed[~still].max() == speed.max()
     assert at_work([log], "sensor_torque") is None
-    (working,) = at_work([log], "motor_current") or [None]
-    np.testing.assert_array_equal(working, ~still)
+    (candidate_model_of,) = at_work([log], "motor_current") or [None]
+    np.testing.assert_array_equal(candidate_model_of, ~still)
 
 
 def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2(made: Discoveries) -> None:

@@ -13,7 +13,7 @@ from flexspline.discovery.candidates import (
     CORE_PAIRS,
     _low,
     _of_facts,
-    order_pools,
+    order_candidates,
     scanned,
 )
 from flexspline.discovery.search import _finite
@@ -69,10 +69,10 @@ def test_twice_a_larger_order_of_the_wave_generator_may_be_its_own(
         for k, size, name in ((2, sizes[0], "wave_generator_ripple"), (order, sizes[1], "cogging"))
     ]  # fmt: skip
     names = ["cogging", "wave_generator_ripple"]
-    pools = order_pools(names, facts, cast(Any, found), (), "sensor_torque", 6.0)
+    orders_of = order_candidates(names, facts, cast(Any, found), (), "sensor_torque", 6.0)
     motor = CORE_PAIRS["motor_stator"]
-    assert (order, motor) in pools["cogging"]
-    assert ((order, motor) in pools["wave_generator_ripple"]) is both
+    assert (order, motor) in orders_of["cogging"]
+    assert ((order, motor) in orders_of["wave_generator_ripple"]) is both
 
 
 def test_a_time_constant_is_looked_for_from_two_rows_to_half_of_the_longest_run() -> None:

@@ -617,7 +617,7 @@ def test_friction_of_the_angle_that_grows_with_the_speed_is_no_friction_of_the_a
         v, size = c["output_velocity"], 0.1 * np.sin(2.0 * c["output_position"])
         return np.asarray(size * (v if grows else np.tanh(v / WIDTH)))
 
-    monkeypatch.setattr(analysis, "_stand_in", lambda *_: None)
+    monkeypatch.setattr(analysis, "_spurious", lambda *_: None)
     made = found(base(), runs(added=of_the_angle))
     name = "position_dependent_friction"
     assert (name in made.doubted, name in made.names) == (grows, not grows)

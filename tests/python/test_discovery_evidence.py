@@ -16,7 +16,7 @@ from hidden.cases import cases
 from hidden.trial import Outcome, tried
 
 from flexspline.discovery.candidates import Candidate
-from flexspline.discovery.evidence import Dictionary, cone_gain, cone_price, offers, price
+from flexspline.discovery.evidence import Dictionary, cone_gain, cone_threshold, offers, threshold
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.regression.gram import Table
@@ -24,7 +24,7 @@ from flexspline.regression.gram import Table
 
 def test_the_best_of_many_candidates_in_many_forms_reaches_its_price_as_often_as_is_said() -> None:
     """Of 20 candidates in 3 forms, under nothing but chance, each form independent: the worst."""
-    paid = price(2, 3.0, 20)
+    paid = threshold(2, 3.0, 20)
     drawn = np.random.default_rng(3).chisquare(2, size=(20_000, 60)).max(axis=1)
     share = float(np.mean(drawn > paid))
     assert share == pytest.approx(SETTINGS.alpha, abs=3.0 * np.sqrt(SETTINGS.alpha / 20_000))
@@ -40,7 +40,7 @@ def test_a_mass_of_a_drive_has_one_sign_and_of_a_sensor_either() -> None:
         none = np.empty(0, dtype=np.intp)
         (offer,) = offers(Dictionary(target, table, none, (), (candidate,), columns), none)
         assert offer.gain == pytest.approx(9.0)
-        assert offer.price == pytest.approx(chi2.isf(SETTINGS.alpha / forms, 1))
+        assert offer.threshold == pytest.approx(chi2.isf(SETTINGS.alpha / forms, 1))
 
 
 @pytest.mark.parametrize(("orders", "as_much"), [([5], 1.0), ([2, 5], 0.6)])
@@ -81,7 +81,7 @@ def test_coefficients_of_one_sign_reach_their_price_as_often_as_is_said(
     share, draws = 0.05, 2000
     pulls = np.random.default_rng(4).multivariate_normal(np.zeros(3), products, draws)
     gains = np.array([cone_gain(products, pull, either) for pull in pulls])
-    paid = cone_price(products, share, either)
+    paid = cone_threshold(products, share, either)
     assert np.mean(gains > paid) == pytest.approx(share, abs=4.0 * np.sqrt(share / draws))
     assert paid < chi2.isf(share, 3)
 

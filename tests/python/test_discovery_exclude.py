@@ -5,22 +5,23 @@ from __future__ import annotations
 import pytest
 from hidden_logs import LOAD, friction_of, log_of, rich_run
 
-from flexspline.discovery.search import Study, study_of
+from flexspline.discovery.search import SearchContext, search_context_of
 from flexspline.effects import effect
 from flexspline.errors import InputError
 
 BASE = [effect(n) for n in ("offset", "coulomb_friction", "viscous_friction", "inertia")]
 
 
-def studied(*exclude: str) -> Study:
+def studied(*exclude: str) -> SearchContext:
     c = rich_run(1, 600)
     logs = [log_of(c, sensor_torque=c[LOAD] + friction_of(c))]
-    return study_of(BASE, logs, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1,
-                    exclude=exclude)  # fmt: skip
+    return search_context_of(
+        BASE, logs, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1, exclude=exclude
+    )
 
 
-def names(study: Study) -> set[str]:
-    return {c.name for c in study.candidates(BASE)}
+def names(context: SearchContext) -> set[str]:
+    return {c.name for c in context.candidates(BASE)}
 
 
 def test_an_excluded_effect_is_no_candidate_and_the_others_are() -> None:

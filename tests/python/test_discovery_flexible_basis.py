@@ -13,10 +13,16 @@ from scipy.signal import lfilter
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.basis import PAST, ROUND, Functions, flexible_basis, past_of
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.unexplained import Ceiling, kept, leftover_in, leftover_of, repeated
+from flexspline.discovery.unexplained import (
+    ExplainableBound,
+    kept,
+    leftover_in,
+    leftover_of,
+    repeated,
+)
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
-from flexspline.regression.candidate_model import HeldOut, held_out, solved_at, working
+from flexspline.regression.candidate_model import HeldOut, candidate_model_of, held_out, solved_at
 from flexspline.regression.gram import Table, Whitening
 
 Array = np.ndarray
@@ -119,7 +125,7 @@ def places(seed: int) -> Problem:
 @pytest.mark.parametrize("seed", range(10, 16))
 def test_functions_of_noise_go_nowhere_in_places_that_no_other_run_has_seen(seed: int) -> None:
     here = places(seed)
-    work = working([effect("offset")], 1, {})
+    work = candidate_model_of([effect("offset")], 1, {})
     plain = Whitening(np.ones(1), 0.02**2, 1)
     work, _ = solved_at(here, work, plain)
     alone = held_out(here, work, plain).rmse
@@ -137,7 +143,7 @@ def test_functions_that_explain_are_not_shrunk_away() -> None:
         logs, [effect("offset")], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
     )
     plain = Whitening(np.ones(1), 0.1**2, 1)
-    work, _ = solved_at(here, working([effect("offset")], 1, {}), plain)
+    work, _ = solved_at(here, candidate_model_of([effect("offset")], 1, {}), plain)
     best = min(
         held_out(here, work, plain, Functions((group,))).rmse
         for group in flexible_basis(here)
@@ -158,7 +164,7 @@ def held_out_of(cause: Callable[[dict[str, Array]], Array], seed: int) -> HeldOu
         logs, [effect("offset")], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
     )
     plain = Whitening(np.ones(1), 0.02**2, 1)
-    work, _ = solved_at(here, working([effect("offset")], 1, {}), plain)
+    work, _ = solved_at(here, candidate_model_of([effect("offset")], 1, {}), plain)
     return held_out(here, work, plain)
 
 
@@ -196,8 +202,8 @@ def test_what_functions_gain_above_chance_is_less_than_all_that_they_gain() -> N
     here = problem_of([log_of(c, sensor_torque=torque)], [effect("offset")], "sensor_torque",
                       known_load=LOAD, lowpass_hz=None, threads=1)  # fmt: skip
     white = Whitening(np.ones(1), 1e-4, 1)
-    base = replace(working([effect("offset")], 1, {}), coefficients=np.zeros(1))
-    found = leftover_of(Ceiling(here, white), base)
+    base = replace(candidate_model_of([effect("offset")], 1, {}), coefficients=np.zeros(1))
+    found = leftover_of(ExplainableBound(here, white), base)
     assert set(found.channels) == {LOAD, "output_velocity"}
     assert 0.5 * found.gain < found.net < found.gain
 
@@ -211,11 +217,11 @@ def test_a_product_of_channels_that_few_rows_do_not_show_is_seen_on_many() -> No
     torque = c[LOAD] + np.sqrt(share) * cause / np.std(cause) + noise
     here = problem_of([log_of(c, sensor_torque=torque)], [effect("offset")], "sensor_torque",
                       known_load=LOAD, lowpass_hz=None, threads=1)  # fmt: skip
-    ceiling = Ceiling(here, Whitening(np.ones(1), 1.0, 1))
-    base = replace(working([effect("offset")], 1, {}), coefficients=np.zeros(1))
-    wide, powers = (leftover_in(table, base) for table in ceiling.tables)
+    bound = ExplainableBound(here, Whitening(np.ones(1), 1.0, 1))
+    base = replace(candidate_model_of([effect("offset")], 1, {}), coefficients=np.zeros(1))
+    wide, powers = (leftover_in(table, base) for table in bound.tables)
     assert wide.gain == 0.0 < powers.gain
-    found = leftover_of(ceiling, base)
+    found = leftover_of(bound, base)
     assert found.gain == powers.gain
     assert set(found.channels) == {LOAD, "output_velocity"}
     assert 0.5 * share * rows < found.gain < 2.0 * share * rows

@@ -14,7 +14,7 @@ import flexspline
 from flexspline.discovery import search
 from flexspline.discovery.search import LEAD
 from flexspline.discovery.settings import SETTINGS
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
@@ -28,7 +28,7 @@ def long_log() -> flexspline.Log:
 
 
 def test_parts_of_a_long_log_lie_evenly_over_all_of_it() -> None:
-    made = search.study_of(
+    made = search.search_context_of(
         [flexspline.effect(name) for name in BASE],
         [long_log()],
         "sensor_torque",
@@ -88,8 +88,8 @@ def test_all_rows_are_searched_only_where_a_part_leaves_doubt(
     monkeypatch.setattr(search, "SETTINGS", replace(SETTINGS, rows=1000))
     searched, again = [], search.Searcher.again
 
-    def watched(self: search.Searcher, work: Working) -> Working:
-        searched.append(rows_of(self.study.problem))
+    def watched(self: search.Searcher, work: CandidateModel) -> CandidateModel:
+        searched.append(rows_of(self.context.problem))
         return again(self, work)
 
     monkeypatch.setattr(search.Searcher, "again", watched)

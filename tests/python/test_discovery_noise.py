@@ -11,10 +11,14 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 from scipy.signal import lfilter
 
 import flexspline
-from flexspline.discovery.search import study_of
+from flexspline.discovery.search import search_context_of
 from flexspline.least_squares.noise_model import NoiseModel
 from flexspline.logs.log import Log
-from flexspline.regression.candidate_model import _rough_whitening, restricted_whitening, working
+from flexspline.regression.candidate_model import (
+    _rough_whitening,
+    candidate_model_of,
+    restricted_whitening,
+)
 from flexspline.regression.gram import Whitening
 
 ROWS = 2000
@@ -34,8 +38,10 @@ def wandering(seed: int, memory: float) -> Log:
 def noise_beside_the_model(memory: float) -> Whitening:
     effects = [flexspline.effect(name) for name in MODEL]
     logs = [wandering(seed, memory) for seed in range(1, 6)]
-    made = study_of(effects, logs, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1)
-    return restricted_whitening(made.problem, working(effects, len(effects), {}))
+    made = search_context_of(
+        effects, logs, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    )
+    return restricted_whitening(made.problem, candidate_model_of(effects, len(effects), {}))
 
 
 def memory(made: Whitening) -> float:

@@ -18,7 +18,7 @@ from flexspline.discovery.physics import (
 )
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
-from flexspline.regression.candidate_model import Working, working
+from flexspline.regression.candidate_model import CandidateModel, candidate_model_of
 
 VARYING = "position_dependent_friction"
 HYSTERESIS = "torque_hysteresis"
@@ -34,7 +34,7 @@ def test_the_spring_that_drives_most_is_held_first_and_the_rest_are_bounded(
 ) -> None:
     effects = [flexspline.effect("offset"), flexspline.effect(name)]
     values = np.array([0.1, 0.3, -0.2, -0.5, 0.2])
-    made = replace(working(effects, 1, {}), coefficients=values)
+    made = replace(candidate_model_of(effects, 1, {}), coefficients=values)
     assert driving_spring(made, target) == f"{name}.quarter"
     held = made.holding(f"{name}.quarter", 0.0)
     assert driving_spring(held, target) == f"{name}.half"
@@ -58,7 +58,7 @@ def test_friction_that_bends_with_speed_is_no_change_of_a_direction_that_no_run_
     effects = [flexspline.effect("offset"), flexspline.effect(VARYING, direction_width=width)]
     problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
                          threads=1)  # fmt: skip
-    said = impossible(working(effects, 1, {}), VARYING, problem)
+    said = impossible(candidate_model_of(effects, 1, {}), VARYING, problem)
     assert ("no run changes direction" in said) is refused
 
 
@@ -74,7 +74,7 @@ def test_friction_builds_up_over_a_small_angle(levels: tuple[float, ...], refuse
     effects = [flexspline.effect("offset"), springs]
     problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
                          threads=1)  # fmt: skip
-    made = replace(working(effects, 1, {}), coefficients=np.array([0.0, *levels]))
+    made = replace(candidate_model_of(effects, 1, {}), coefficients=np.array([0.0, *levels]))
     assert ("build up" in impossible(made, springs.name, problem)) is refused
 
 
@@ -86,12 +86,12 @@ def swinging(**channels: np.ndarray) -> Log:
                            )  # fmt: skip
 
 
-def bending(target: str, *values: float) -> tuple[Working, Problem]:
+def bending(target: str, *values: float) -> tuple[CandidateModel, Problem]:
     """A level, a viscous and two bending coefficients beside a run that swings."""
     log = swinging(**{target: np.sin(np.arange(2000.0))})
     effects = [flexspline.effect(n) for n in ("coulomb_friction", "viscous_friction", BENDING)]
     problem = problem_of([log], effects, target, known_load=None, lowpass_hz=None, threads=1)
-    return replace(working(effects, 2, {}), coefficients=np.array(values)), problem
+    return replace(candidate_model_of(effects, 2, {}), coefficients=np.array(values)), problem
 
 
 @pytest.mark.parametrize("target", ["motor_torque", "sensor_torque"])
@@ -107,7 +107,7 @@ def test_stribecks_friction_adds_to_coulombs(
     own = flexspline.effect("stribeck_friction", stribeck_velocity=0.3)
     effects = [flexspline.effect("coulomb_friction"), own]
     problem = problem_of([log], effects, target, known_load=None, lowpass_hz=None, threads=1)
-    made = replace(working(effects, 1, {}), coefficients=np.array([coulomb, level]))
+    made = replace(candidate_model_of(effects, 1, {}), coefficients=np.array([coulomb, level]))
     said = impossible(made, own.name, problem)
     drives = target == "motor_torque" and level < 0.0 and not refused
     assert ("lessen friction" in said, "drive the joint" in said) == (refused, drives)
@@ -156,7 +156,9 @@ def test_a_sensors_loop_lags_and_is_wider_than_its_load_scatters(
     effects = [flexspline.effect("offset"), flexspline.effect(HYSTERESIS, load_width=8.0)]
     problem = problem_of([log], effects, "sensor_torque", known_load="reference_torque",
                          lowpass_hz=None, threads=1)  # fmt: skip
-    made = replace(working(effects, 1, {}), coefficients=np.array([0.0, height, 0.0, 0.0, 0.0]))
+    made = replace(
+        candidate_model_of(effects, 1, {}), coefficients=np.array([0.0, height, 0.0, 0.0, 0.0])
+    )
     why = impossible(made, HYSTERESIS, problem, scatter)
     assert said in why and bool(said) is bool(why)
 

@@ -16,12 +16,12 @@ import flexspline
 from flexspline.discovery.evidence import Dictionary, equivalent_t, held_out_gain
 from flexspline.discovery.faults import _last_column
 from flexspline.discovery.result import Discovery, confidence, doubt
-from flexspline.discovery.search import Searcher, missed, study_of
+from flexspline.discovery.search import Searcher, missed, search_context_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.log import Log
-from flexspline.regression.candidate_model import solved_at, working
+from flexspline.regression.candidate_model import candidate_model_of, solved_at
 from flexspline.regression.gram import Table, Whitening, solved
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
@@ -136,9 +136,13 @@ def test_a_shape_at_a_bound_is_looked_for_anew() -> None:
     wide = [e.with_shapes(direction_width=0.5) if "direction_width" in e.shapes else e
             for e in recorded_joint.base()]  # fmt: skip
     logs = recorded_joint.runs(target="motor_torque")
-    made = study_of(wide, logs, "motor_torque", known_load=LOAD, lowpass_hz=None, threads=1)
+    made = search_context_of(
+        wide, logs, "motor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    )
     searcher = Searcher(made, Whitening(np.ones(1), 1e-4, 1))
-    work, squares = solved_at(made.problem, working(wide, len(wide), {}), searcher.whitening)
+    work, squares = solved_at(
+        made.problem, candidate_model_of(wide, len(wide), {}), searcher.whitening
+    )
     (number,) = work.bound
     freed, less = searcher._off_bounds(work, squares)
     assert less < 0.5 * squares and not freed.bound
@@ -180,15 +184,15 @@ def test_functions_that_hold_a_name_speak_against_it_only_where_enough_is_unexpl
 @pytest.mark.parametrize("survives", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("left", [0.0, 990.0, 2000.0, 9000.0, 58000.0])
 def test_what_functions_take_from_a_confidence_is_said_beside_it(
-    survives: float, left: float
+    retained: float, left: float
 ) -> None:
-    lost = 1.0 - confidence(2e4, 60.0, survives, left, 0)
-    said = doubt(2e4, survives, left, ["output_velocity", "reference_torque"])
+    lost = 1.0 - confidence(2e4, 60.0, retained, left, 0)
+    said = doubt(2e4, retained, left, ["output_velocity", "reference_torque"])
     assert bool(said) == (lost > SETTINGS.bends)
     if said:
         share = f"{left / 2e4:.0%} of".replace("%", " %")
         assert f"gain {share if left < 2e4 else '2.9 times'} what it does" in said
-        assert f"keeps {survives:.0%} of that".replace("%", " %") in said
+        assert f"keeps {retained:.0%} of that".replace("%", " %") in said
 
 
 class Gains:
@@ -222,11 +226,11 @@ def test_what_reads_the_load_of_the_model_goes_with_what_makes_it(
     known: str | None, stays: bool
 ) -> None:
     """A fit of the rest had ended in "sensor_lag depends on the load, which nothing tells"."""
-    study: Any = SimpleNamespace(problem=SimpleNamespace(known_load=known))
+    context: Any = SimpleNamespace(problem=SimpleNamespace(known_load=known))
     white = Whitening(np.ones(1), 1.0, 1)
     names = ["offset", "inertia", "sensor_lag", "viscous_friction"]
-    model = working([effect(name) for name in names], 1, {})
-    rest = Searcher(study, white).less(model, "inertia")
+    model = candidate_model_of([effect(name) for name in names], 1, {})
+    rest = Searcher(context, white).less(model, "inertia")
     assert ("sensor_lag" in [e.name for e in rest.effects]) is stays
     assert [e.name for e in rest.effects if e.name != "sensor_lag"] == [
         "offset",

@@ -18,12 +18,12 @@ from scipy.signal import lfilter
 import flexspline
 from flexspline import _core
 from flexspline.discovery.basis import BasisFunctions, Functions
-from flexspline.discovery.search import Study, study_of
+from flexspline.discovery.search import SearchContext, search_context_of
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.regression import gram
-from flexspline.regression.candidate_model import Working, mixed, working
-from flexspline.regression.gram import Sheet, Whitening, edges_of, solved, tabulated
+from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, mixed
+from flexspline.regression.gram import ColumnAssembly, Whitening, edges_of, solved, tabulated
 
 Array = NDArray[np.float64]
 
@@ -49,32 +49,34 @@ def log(seed: int, rows: int, gap: int | None = None, jitter: float = 0.0) -> Lo
     return Log.from_arrays(facts=facts, **{**kept, "time": time})
 
 
-def study(logs: list[Log], target: str = "sensor_torque", cutoff: float | None = None) -> Study:
+def context(
+    logs: list[Log], target: str = "sensor_torque", cutoff: float | None = None
+) -> SearchContext:
     base = ["mesh_compliance"] if target == "torsion" else CURVED
     effects = [flexspline.effect(name) for name in base]
-    return study_of(effects, logs, target, known_load=LOAD, lowpass_hz=cutoff, threads=1)
+    return search_context_of(effects, logs, target, known_load=LOAD, lowpass_hz=cutoff, threads=1)
 
 
-def model(made: Study) -> Working:
+def model(made: SearchContext) -> CandidateModel:
     base = ["mesh_compliance"] if made.target == "torsion" else CURVED
     effects = [flexspline.effect(name) for name in base]
-    begun = working(effects, len(effects), {})
+    begun = candidate_model_of(effects, len(effects), {})
     values = np.random.default_rng(5).uniform(0.05, 0.3, len(begun.coefficients))
     return replace(begun, coefficients=values)
 
 
-def everything(made: Study) -> Sheet:
+def everything(made: SearchContext) -> ColumnAssembly:
     """Columns of a model, of its shapes, and of every candidate in every form."""
     work = model(made)
     beside = [e for c in made.candidates(work.effects) for e in c.effects]
-    return work.sheet(beside=list(dict.fromkeys(beside)))
+    return work.assembly(beside=list(dict.fromkeys(beside)))
 
 
-def plain_products(problem: Problem, sheet: Sheet, whitening: Whitening) -> Array:
+def plain_products(problem: Problem, assembly: ColumnAssembly, whitening: Whitening) -> Array:
     """The same with rows that are all there, scipy's filter and numpy's products."""
     folds = []
     for number, run in enumerate(problem.runs):
-        columns, target = sheet.rows(problem, number)
+        columns, target = assembly.rows(problem, number)
         values, rows = np.column_stack([columns, target]), [np.empty(0, dtype=int)]
         filtered = [np.empty((0, values.shape[1]))]
         for first, last in run.stretches:
@@ -103,35 +105,35 @@ def assert_same(found: Array, expected: Array, by_fft: bool = False) -> None:
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_sums_of_every_effect_equal_those_of_plain_rows(target: str) -> None:
-    made = study([log(1, 3001, gap=1777), log(2, 2500)], target)
+    made = context([log(1, 3001, gap=1777), log(2, 2500)], target)
     whitening = Whitening(COLOURED, 1.0, 1)
-    sheet = everything(made)
-    found = tabulated(made.problem, sheet, whitening)
-    assert_same(found.folds, plain_products(made.problem, sheet, whitening))
+    assembly = everything(made)
+    found = tabulated(made.problem, assembly, whitening)
+    assert_same(found.folds, plain_products(made.problem, assembly, whitening))
 
 
 def test_candidates_of_these_tests_are_all_effects_that_remember() -> None:
     remembering = {i.name for i in flexspline.CATALOGUE.values() if i.remembers}
     tried = set()
     for target in TARGETS:
-        made = study([log(1, 1000)], target)
+        made = context([log(1, 1000)], target)
         tried |= {e.name for c in made.candidates(model(made).effects) for e in c.effects}
     assert remembering <= tried
 
 
 @pytest.mark.parametrize("order", [0, 3])
 def test_low_pass_and_thinning_are_carried_from_block_to_block(order: int) -> None:
-    made = study([log(1, 5001, gap=2222), log(2, 2500)], cutoff=12.0)
+    made = context([log(1, 5001, gap=2222), log(2, 2500)], cutoff=12.0)
     whitening = Whitening(COLOURED[: order + 1], 1.0, made.problem.decimation)
     assert whitening.decimation > 1
-    sheet = everything(made)
-    assert sheet.even(made.problem)
-    found = tabulated(made.problem, sheet, whitening)
-    assert_same(found.folds, plain_products(made.problem, sheet, whitening), by_fft=True)
+    assembly = everything(made)
+    assert assembly.even(made.problem)
+    found = tabulated(made.problem, assembly, whitening)
+    assert_same(found.folds, plain_products(made.problem, assembly, whitening), by_fft=True)
 
 
 def test_thinning_without_a_low_pass_skips_rows_but_no_memory() -> None:
-    made = study([log(1, 3001, gap=1500)])
+    made = context([log(1, 3001, gap=1500)])
     whitening = Whitening(COLOURED, 1.0, 700)
     short = replace(whitening, decimation=37)
     for each in (whitening, short):
@@ -140,16 +142,16 @@ def test_thinning_without_a_low_pass_skips_rows_but_no_memory() -> None:
 
 
 def test_uneven_steps_take_the_way_of_plain_rows() -> None:
-    made = study([log(1, 2500, jitter=1.5)], cutoff=12.0)
+    made = context([log(1, 2500, jitter=1.5)], cutoff=12.0)
     whitening = Whitening(COLOURED, 1.0, made.problem.decimation)
-    sheet = model(made).sheet()
-    assert not sheet.even(made.problem)
-    found = tabulated(made.problem, sheet, whitening)
-    assert_same(found.folds, plain_products(made.problem, sheet, whitening))
+    assembly = model(made).assembly()
+    assert not assembly.even(made.problem)
+    found = tabulated(made.problem, assembly, whitening)
+    assert_same(found.folds, plain_products(made.problem, assembly, whitening))
 
 
 def test_leaving_out_runs_makes_one_fold_of_each() -> None:
-    made = study([log(seed, 900) for seed in range(4)])
+    made = context([log(seed, 900) for seed in range(4)])
     whitening = Whitening(COLOURED, 1.0, 1)
     found = tabulated(made.problem, everything(made), whitening)
     assert len(found.folds) == 4
@@ -157,23 +159,23 @@ def test_leaving_out_runs_makes_one_fold_of_each() -> None:
     assert_same(found.folds, plain_products(made.problem, everything(made), whitening))
 
 
-def remembering(made: Study) -> Sheet:
+def remembering(made: SearchContext) -> ColumnAssembly:
     names = ("torque_hysteresis", "sensor_lag", "presliding_friction")
-    return model(made).sheet(beside=[flexspline.effect(name) for name in names])
+    return model(made).assembly(beside=[flexspline.effect(name) for name in names])
 
 
 def test_long_runs_are_summed_in_pieces_that_remember_what_came_before() -> None:
-    made = study([log(1, 290_000, gap=150_001)])
+    made = context([log(1, 290_000, gap=150_001)])
     whitening = Whitening(COLOURED, 1.0, 1)
-    sheet = remembering(made)
-    found = tabulated(made.problem, sheet, whitening)
-    assert_same(found.folds, plain_products(made.problem, sheet, whitening))
-    threaded = tabulated(replace(made.problem, threads=3), sheet, whitening)
+    assembly = remembering(made)
+    found = tabulated(made.problem, assembly, whitening)
+    assert_same(found.folds, plain_products(made.problem, assembly, whitening))
+    threaded = tabulated(replace(made.problem, threads=3), assembly, whitening)
     assert np.array_equal(found.folds, threaded.folds)
 
 
 def test_parts_of_a_run_remember_what_lies_between_them() -> None:
-    made = study([log(1, 8000)])
+    made = context([log(1, 8000)])
     parts = ((1000, 1900), (4000, 5500), (7990, 7999))
     runs = tuple(replace(run, stretches=parts) for run in made.problem.runs)
     problem = replace(made.problem, runs=runs)
@@ -183,7 +185,7 @@ def test_parts_of_a_run_remember_what_lies_between_them() -> None:
 
 
 def test_rows_asked_for_later_are_remembered_from_those_before() -> None:
-    made = study([log(1, 8000)])
+    made = context([log(1, 8000)])
     whitening = Whitening(COLOURED, 1.0, 1)
     for parts in (((4000, 4500),), ((500, 900), (4000, 4500), (6000, 6300)), ((4400, 4800),)):
         runs = tuple(replace(run, stretches=parts) for run in made.problem.runs)
@@ -193,11 +195,11 @@ def test_rows_asked_for_later_are_remembered_from_those_before() -> None:
 
 
 def test_memory_with_a_lead_is_that_of_a_run_that_begins_so_much_earlier() -> None:
-    made = study([log(1, 8000)])
+    made = context([log(1, 8000)])
     whitening = Whitening(COLOURED, 1.0, 1)
 
     def products(logs: list[Log], part: tuple[int, int], remembered: _core.Remembered) -> Array:
-        problem = study(logs).problem
+        problem = context(logs).problem
         runs = (replace(problem.runs[0], stretches=(part,)),)
         problem = replace(problem, runs=runs, remembered=remembered)
         return tabulated(problem, remembering(made), whitening).total
@@ -211,36 +213,36 @@ def test_memory_with_a_lead_is_that_of_a_run_that_begins_so_much_earlier() -> No
 
 
 def test_bends_mixed_from_products_are_those_mixed_from_rows() -> None:
-    made = study([log(1, 3001, gap=1777), log(2, 2500)])
+    made = context([log(1, 3001, gap=1777), log(2, 2500)])
     work, whitening = model(made), Whitening(COLOURED, 1.0, 1)
-    sheet, slopes = work.opened()
-    opened = tabulated(made.problem, sheet, whitening).total
+    assembly, slopes = work.opened()
+    opened = tabulated(made.problem, assembly, whitening).total
     found = mixed(opened, slopes @ work.coefficients)
-    expected = tabulated(made.problem, work.sheet(), whitening).total
+    expected = tabulated(made.problem, work.assembly(), whitening).total
     lengths = np.sqrt(np.diag(expected))
     apart = (found - expected) / np.outer(lengths, lengths)
     assert np.abs(apart).max() < 1e-6  # of a bend 1/160 as long as what it is a difference of
 
 
 def test_filtered_columns_are_those_of_plain_rows() -> None:
-    made = study([log(1, 3001, gap=1777), log(2, 2500)])
-    whitening, sheet = Whitening(COLOURED, 1.0, 1), remembering(made)
+    made = context([log(1, 3001, gap=1777), log(2, 2500)])
+    whitening, assembly = Whitening(COLOURED, 1.0, 1), remembering(made)
     for number, run in enumerate(made.problem.runs):
-        found, at = sheet.white(made.problem, whitening, number)
-        columns, target = sheet.rows(made.problem, number)
+        found, at = assembly.white(made.problem, whitening, number)
+        columns, target = assembly.rows(made.problem, number)
         expected, rows = whitening(np.column_stack([columns, target]), run)
         assert np.array_equal(at, rows)
         assert found == pytest.approx(expected, rel=0, abs=1e-11)
 
 
 def test_what_is_left_on_a_fold_is_target_less_columns_times_its_coefficients() -> None:
-    made = study([log(1, 3001, gap=1777), log(2, 2500)])
-    sheet = remembering(made)
-    betas = list(np.random.default_rng(1).normal(size=(8, sheet.width)))
-    found = sheet.left_over(made.problem, betas)
+    made = context([log(1, 3001, gap=1777), log(2, 2500)])
+    assembly = remembering(made)
+    betas = list(np.random.default_rng(1).normal(size=(8, assembly.width)))
+    found = assembly.left_over(made.problem, betas)
     fold = 0
     for number, left in enumerate(found):
-        columns, target = sheet.rows(made.problem, number)
+        columns, target = assembly.rows(made.problem, number)
         for first, last in pairwise(edges_of(made.problem, number)):
             expected = target[first:last] - columns[first:last] @ betas[fold]
             assert left[first:last] == pytest.approx(expected, rel=0, abs=1e-11)
@@ -255,16 +257,16 @@ def powers(values: Mapping[str, Array]) -> Array:
 def test_functions_without_a_name_are_made_in_pieces(
     monkeypatch: pytest.MonkeyPatch, cutoff: float | None
 ) -> None:
-    made = study([log(1, 3001, gap=1777), log(2, 2500)], cutoff=cutoff)
+    made = context([log(1, 3001, gap=1777), log(2, 2500)], cutoff=cutoff)
     whitening = Whitening(COLOURED, 1.0, made.problem.decimation)
-    sheet = model(made).sheet(
+    assembly = model(made).assembly(
         given=Functions((BasisFunctions(("time", "output_velocity"), powers, 2),))
     )
     monkeypatch.setattr(gram, "CHUNK", 500)
-    found = tabulated(made.problem, sheet, whitening)
-    assert_same(found.folds, plain_products(made.problem, sheet, whitening), by_fft=True)
-    left = sheet.left_over(made.problem, [np.ones(sheet.width)] * len(found.folds))
-    columns, target = sheet.rows(made.problem, 0)
+    found = tabulated(made.problem, assembly, whitening)
+    assert_same(found.folds, plain_products(made.problem, assembly, whitening), by_fft=True)
+    left = assembly.left_over(made.problem, [np.ones(assembly.width)] * len(found.folds))
+    columns, target = assembly.rows(made.problem, 0)
     rows = np.isfinite(left[0])
     assert rows.sum() == made.problem.runs[0].counted
     assert left[0][rows] == pytest.approx((target - columns.sum(axis=1))[rows], rel=0, abs=1e-10)

@@ -19,7 +19,7 @@ from flexspline import InputError, OwnEffect, effect, own_effect
 from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
-from flexspline.regression.gram import Sheet, Whitening, tabulated
+from flexspline.regression.gram import ColumnAssembly, Whitening, tabulated
 from flexspline.report.html import python_call
 
 Array = NDArray[np.float64]
@@ -133,11 +133,13 @@ def test_a_search_tabulates_own_columns_wherever_they_stand(cutoff: float | None
         columns = tuple([(k, 1.0)] for k in range(count))
         mixed = ([(0, 0.5), (2, -0.25), (count - 1, 2.0)],)
         held = np.linspace(0.1, 0.4, count)
-        sheet = Sheet(effects, np.zeros(count), (*columns, *mixed), held, Speeds())
+        assembly = ColumnAssembly(effects, np.zeros(count), (*columns, *mixed), held, Speeds())
         noise = Whitening(np.array([1.0, -0.6]), 0.01, 1)
-        tables.append(tabulated(problem, sheet, noise).total)
-        folds = len(tabulated(problem, sheet, noise).folds)
-        left.append(np.concatenate(sheet.left_over(problem, [np.full(sheet.width, 0.1)] * folds)))
+        tables.append(tabulated(problem, assembly, noise).total)
+        folds = len(tabulated(problem, assembly, noise).folds)
+        left.append(
+            np.concatenate(assembly.left_over(problem, [np.full(assembly.width, 0.1)] * folds))
+        )
     size = np.sqrt(np.diag(tables[0]))
     assert (np.abs(tables[1] - tables[0]) <= 1e-11 * np.outer(size, size)).all()
     seen = np.isfinite(left[0])

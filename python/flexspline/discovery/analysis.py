@@ -17,17 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.basis import Functions, channel_told, flexible_basis
-from flexspline.discovery.evidence import Offer, offers, price
-from flexspline.discovery.search import Searcher, Study, form_of, freedom
+from flexspline.discovery.evidence import Offer, offers, threshold
+from flexspline.discovery.search import SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
+from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
 from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.candidate_model import (
+    CandidateModel,
     HeldOut,
-    Working,
+    candidate_model_of,
     first_whitening,
     held_out,
     plain_rows,
@@ -35,7 +36,6 @@ from flexspline.regression.candidate_model import (
     restricted_whitening,
     solved_at,
     started,
-    working,
 )
 from flexspline.regression.gram import TINY, Whitening, left_of, rows_of, solved, tabulated
 
@@ -128,9 +128,9 @@ class Rival:
         return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
 
-def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
+def rivals_of(searcher: Searcher, work: CandidateModel, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
-    dictionary = searcher.study.dictionary(work, searcher.whitening, without=[effect.name])
+    dictionary = searcher.context.dictionary(work, searcher.whitening, without=[effect.name])
     rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
     own, gain_of = dictionary.gain(effect.name), dictionary.table.gain
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
@@ -152,7 +152,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     return sorted(found, key=lambda rival: -rival.gain)
 
 
-def simplest(searcher: Searcher, work: Working) -> Working:
+def simplest(searcher: Searcher, work: CandidateModel) -> CandidateModel:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
@@ -169,8 +169,8 @@ def simplest(searcher: Searcher, work: Working) -> Working:
 
 
 def _refitted(
-    searcher: Searcher, work: Working, effect: Effect, offer: Offer, kept: float
-) -> tuple[float, float, Working]:
+    searcher: Searcher, work: CandidateModel, effect: Effect, offer: Offer, kept: float
+) -> tuple[float, float, CandidateModel]:
     """Gain of the effect beside a rival with fitted shapes; the rival's in its place, and there."""
     others = work.without(effect.name)
     trial, squares = searcher.fitted(others.with_effects(offer.effect))
@@ -188,10 +188,10 @@ class Analysis:
     model is fitted by generalised least squares.
     """
 
-    study: Study
-    part: Study
-    base: Working
-    final: Working
+    context: SearchContext
+    part: SearchContext
+    base: CandidateModel
+    final: CandidateModel
     searcher: Searcher
     steps: tuple[Offer, ...]
     leftover: Leftover
@@ -204,22 +204,22 @@ class Analysis:
         if {*names} & {e.name for e in self.base.effects}:
             base, _ = self.searcher.fitted(self.base.without(*names))
             return replace(self, base=base, final=final)
-        leftover = leftover_of(Ceiling(self.study.problem, self.whitening), final)
+        leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
         return replace(self, final=final, leftover=leftover)
 
-    def in_runs(self, study: Study, plain: str) -> Analysis:
+    def in_runs(self, context: SearchContext, plain: str) -> Analysis:
         """Return the analysis of the same runs prepared in another way: the same names, refitted.
 
         `plain`: an effect of the base that is left out.
         """
-        part = study.thinned()
-        study.orders = part.orders = self.study.orders
-        searcher = replace(self.searcher, study=study)
+        part = context.thinned()
+        context.orders = part.orders = self.context.orders
+        searcher = replace(self.searcher, context=context)
         base, _ = searcher.fitted(self.base.without(plain))
         final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
-        leftover = leftover_of(Ceiling(study.problem, self.whitening), final)
+        leftover = leftover_of(ExplainableBound(context.problem, self.whitening), final)
         return replace(
-            self, study=study, part=part, base=base, final=final, searcher=searcher,
+            self, context=context, part=part, base=base, final=final, searcher=searcher,
             leftover=leftover,
         )  # fmt: skip
 
@@ -230,16 +230,16 @@ class Analysis:
     @cached_property
     def fitted_as(self) -> Whitening:
         """How the model that is returned weighs rows."""
-        return self.whitening if self.generalised else plain_rows(self.study.problem, self.final)
+        return self.whitening if self.generalised else plain_rows(self.context.problem, self.final)
 
     @cached_property
     def tied(self) -> tuple[Dependence, ...]:
         """Channels that are nearly a function of each other, beside the final model."""
-        return tied_channels(looked_at(self.study.problem), self.final)
+        return tied_channels(looked_at(self.context.problem), self.final)
 
-    def left_by(self, work: Working) -> HeldOut:
+    def left_by(self, work: CandidateModel) -> HeldOut:
         """Return what a model refitted as the final one leaves of rows held out."""
-        problem = self.study.problem
+        problem = self.context.problem
         return held_out(problem, refitted(problem, work, self.fitted_as)[0], self.fitted_as)
 
     @cached_property
@@ -259,7 +259,7 @@ class Analysis:
         return [self.before.rmse, *between, *([self.after.rmse] if self.final.named else [])]
 
     @cached_property
-    def nested(self) -> list[Working]:
+    def nested(self) -> list[CandidateModel]:
         """The base, and the model with one name more each."""
         final, fitted = self.final, self.searcher.fitted
         ends = range(final.base + 1, len(final.effects))
@@ -274,8 +274,8 @@ class Analysis:
     @property
     def searched(self) -> dict[str, float]:
         """Share of the rows that were searched first, for names and for what no name explains."""
-        rows = rows_of(self.study.problem)
-        names, functions = self.study.thinned(1).problem, looked_at(self.study.problem)
+        rows = rows_of(self.context.problem)
+        names, functions = self.context.thinned(1).problem, looked_at(self.context.problem)
         few = {"names": names, "functions": functions}
         return {what: min(rows_of(problem) / rows, 1.0) for what, problem in few.items()}
 
@@ -287,30 +287,30 @@ class FirstLook:
     `whole`, `part`: the study of all rows, and of those on which orders and noise are looked at.
     """
 
-    whole: Study
-    part: Study
-    base: Working
+    whole: SearchContext
+    part: SearchContext
+    base: CandidateModel
     noise: Whitening
 
 
 def first_look(
-    study: Study,
+    context: SearchContext,
     effects: Sequence[Effect],
     fixed: Mapping[str, float],
     say: Callable[[str], object],
 ) -> FirstLook:
     """Fit the base alone; of long logs to a part (`thinned`)."""
-    part = study.thinned()
+    part = context.thinned()
     say("base model")
     plain = Whitening(np.ones(1), 1.0, part.problem.decimation)
-    base, _ = started(part.problem, working(effects, len(effects), fixed), plain)
+    base, _ = started(part.problem, candidate_model_of(effects, len(effects), fixed), plain)
     say("looking for orders")
     part.scan(base)
     say("noise")
     every = [e for c in part.candidates(base.effects) for e in c.effects]
     flexible = Functions(tuple(flexible_basis(part.problem, pairs=False)))
-    sheet = base.sheet(beside=list(dict.fromkeys(every)), given=flexible)
-    return FirstLook(study, part, base, first_whitening(part.problem, sheet))
+    assembly = base.assembly(beside=list(dict.fromkeys(every)), given=flexible)
+    return FirstLook(context, part, base, first_whitening(part.problem, assembly))
 
 
 def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
@@ -319,30 +319,30 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     Of long logs a part is searched first, then all rows from there. Where the part leaves no doubt
     that functions explain more than its names do, all rows are not searched: they are no answer.
     """
-    whole, study, base, first = look.whole, look.part, look.base, look.noise
+    whole, context, base, first = look.whole, look.part, look.base, look.noise
     few = whole.thinned(1)
-    few.orders, few.tied = study.orders, tied_channels(looked_at(whole.problem), base)
-    whole.tied = study.tied = few.tied
+    few.orders, few.tied = context.orders, tied_channels(looked_at(whole.problem), base)
+    whole.tied = context.tied = few.tied
     lax, _ = Searcher(few, first, True, say).run(base)
-    lax, _ = Searcher(study, first, True).fitted(lax)
-    study.scan(lax)
+    lax, _ = Searcher(context, first, True).fitted(lax)
+    context.scan(lax)
     say("functions of the channels")
-    beside = leftover_of(Ceiling(whole.problem, first), lax).groups
-    whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
-    few.orders = study.orders
+    beside = leftover_of(ExplainableBound(whole.problem, first), lax).groups
+    whitening = restricted_whitening(context.problem, lax, Functions(beside) if beside else None)
+    few.orders = context.orders
     searcher = Searcher(few, whitening, say=say)
     say("names")
     base, _ = searcher.fitted(base)
     final, steps = searcher.run(base)
-    ceiling = Ceiling(whole.problem, whitening)
+    bound = ExplainableBound(whole.problem, whitening)
     rejected = list[str]()
     if few is not whole:
         say("all rows")
-        whole.orders = study.orders
-        kept, leftover, rejected = _without_stand_ins(searcher, ceiling, base, final)
-        strong = final.named and ceiling.share * leftover.net > SETTINGS.certain**2
-        hopeless = strong and unexplained_by(study, base, kept, whitening, leftover) > 0.5
-        searcher = replace(searcher, study=whole)
+        whole.orders = context.orders
+        kept, leftover, rejected = _without_spurious(searcher, bound, base, final)
+        strong = final.named and bound.share * leftover.net > SETTINGS.certain**2
+        hopeless = strong and unexplained_by(context, base, kept, whitening, leftover) > 0.5
+        searcher = replace(searcher, context=whole)
         base, _ = searcher.fitted(base)
         if hopeless:
             final = base
@@ -351,22 +351,26 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
             final, added = searcher.run(final)
             steps += added
     say("what is left")
-    final, leftover, more = _without_stand_ins(searcher, ceiling, base, final)
+    final, leftover, more = _without_spurious(searcher, bound, base, final)
     rejected += more
     plain = searcher.pruned(simplest(searcher, final))
     if plain is not final:
-        final, leftover = plain, leftover_of(ceiling, plain)
+        final, leftover = plain, leftover_of(bound, plain)
     for effect in final.named:
         there = effect.name in [e.name for e in final.named]
-        if there and not effect.info.remembers and _of_one_part(ceiling, final, effect, leftover):
+        if there and not effect.info.remembers and _of_one_part(bound, final, effect, leftover):
             rejected.append(effect.name)
             final = _less(searcher, final, effect.name)
-            leftover = leftover_of(ceiling, final)
-    return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected))
+            leftover = leftover_of(bound, final)
+    return Analysis(whole, context, base, final, searcher, tuple(steps), leftover, tuple(rejected))
 
 
 def unexplained_by(
-    study: Study, base: Working, final: Working, whitening: Whitening, leftover: Leftover
+    context: SearchContext,
+    base: CandidateModel,
+    final: CandidateModel,
+    whitening: Whitening,
+    leftover: Leftover,
 ) -> float:
     """Share of the gap above the noise floor that a flexible basis alone closes held out.
 
@@ -376,35 +380,37 @@ def unexplained_by(
         return 0.0
     functions = Functions(leftover.groups)
     first, last, least = (
-        held_out(study.problem, work, whitening, beside).squares
+        held_out(context.problem, work, whitening, beside).squares
         for work, beside in ((base, None), (final, None), (final, functions))
     )
     share = (last - least) / (first - least) if min(first, last) > least else None
     return float(min(leftover.share if share is None else share, 1.0))
 
 
-def _without_stand_ins(
-    searcher: Searcher, ceiling: Ceiling, base: Working, final: Working
-) -> tuple[Working, Leftover, list[str]]:
-    """The model without names that stand in for something else, what is left then, and these."""
-    leftover, rejected = leftover_of(ceiling, final), list[str]()
-    at_first, closed = leftover.net, _small(ceiling.problem, base, final, leftover) is not None
+def _without_spurious(
+    searcher: Searcher, bound: ExplainableBound, base: CandidateModel, final: CandidateModel
+) -> tuple[CandidateModel, Leftover, list[str]]:
+    """The model without spurious names, what is left then, and these."""
+    leftover, rejected = leftover_of(bound, final), list[str]()
+    at_first, closed = leftover.net, _small(bound.problem, base, final, leftover) is not None
     while True:
-        small = _small(ceiling.problem, base, final, leftover) if closed else None
-        stand_in = _stand_in(searcher, ceiling, final, leftover, at_first, small)
-        if stand_in is None:
+        small = _small(bound.problem, base, final, leftover) if closed else None
+        retained = _spurious(searcher, bound, final, leftover, at_first, small)
+        if retained is None:
             return final, leftover, rejected
-        rejected.append(stand_in)
-        final = _less(searcher, final, stand_in)
-        leftover = leftover_of(ceiling, final)
+        rejected.append(retained)
+        final = _less(searcher, final, retained)
+        leftover = leftover_of(bound, final)
 
 
-def _less(searcher: Searcher, work: Working, name: str) -> Working:
-    """The model without a name, and without those that do not pay then."""
+def _less(searcher: Searcher, work: CandidateModel, name: str) -> CandidateModel:
+    """The model without a name, and without those below their threshold then."""
     return searcher.pruned(searcher.fitted(searcher.less(work, name))[0])
 
 
-def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
+def _small(
+    problem: Problem, base: CandidateModel, final: CandidateModel, leftover: Leftover
+) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
     Nor may such a name close half of what is left without it. The gap is what names and flexible
@@ -415,7 +421,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
         return None
     plain, functions = plain_rows(problem, final), Functions(leftover.groups)
 
-    def left(work: Working, beside: Functions | None = None) -> float:
+    def left(work: CandidateModel, beside: Functions | None = None) -> float:
         return held_out(problem, work, plain, beside).squares
 
     before, after = left(base), left(final)
@@ -432,21 +438,21 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
     return found
 
 
-def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
+def contribution(problem: Problem, work: CandidateModel, name: str) -> list[Array]:
     """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
     values = np.where(work.effect_of == name, work.coefficients, 0.0)
     left = left_of(problem, work.effects, work.coefficients, values)
     return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
 
 
-def carried_load(problem: Problem, work: Working) -> list[Array]:
+def carried_load(problem: Problem, work: CandidateModel) -> list[Array]:
     """Return the load that the model's effects carry, (N,) of each run; [] where one is known."""
     own = [e.name for e in work.effects if e.info.carries_load and problem.known_load is None]
     parts = [contribution(problem, work, name) for name in own]
     return [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
 
 
-def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
+def tied_channels(problem: Problem, work: CandidateModel) -> tuple[Dependence, ...]:
     """Channels that are nearly a function of each other; the load that is known, or the model's."""
     carried, seen = carried_load(problem, work), []
     for number, run in enumerate(problem.runs):
@@ -464,7 +470,9 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Leftover) -> bool:
+def _of_one_part(
+    bound: ExplainableBound, work: CandidateModel, effect: Effect, leftover: Leftover
+) -> bool:
     """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
 
     Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
@@ -472,44 +480,48 @@ def _of_one_part(ceiling: Ceiling, work: Working, effect: Effect, leftover: Left
     forward alone or grows with the speed. The speed is asked about only where the name's own
     channels carry all that is left, and that is more than a small part.
     """
-    problem, name = ceiling.problem, effect.name
+    problem, name = bound.problem, effect.name
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
     parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
     velocity = [run.log["output_velocity"] for run in problem.runs]
-    turned, own = _left_by(ceiling, work, name, parts, [np.sign(v) for v in velocity])
+    turned, own = _left_by(bound, work, name, parts, [np.sign(v) for v in velocity])
     known = problem.known_load
     carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
-    little = ceiling.share * leftover.net < SETTINGS.little * own
+    little = bound.share * leftover.net < SETTINGS.little * own
     if abs(turned) > 0.5 or little or not carried <= {*effect.reads}:
         return abs(turned) > 0.5
     sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
     mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
     faster = [np.abs(v) / mean - 1.0 for v in velocity]
-    return 0.5 < _left_by(ceiling, work, name, parts, faster)[0] < 2.0
+    return 0.5 < _left_by(bound, work, name, parts, faster)[0] < 2.0
 
 
 def _left_by(
-    ceiling: Ceiling, work: Working, name: str, parts: Sequence[Array], by: Sequence[Array]
+    bound: ExplainableBound,
+    work: CandidateModel,
+    name: str,
+    parts: Sequence[Array],
+    by: Sequence[Array],
 ) -> tuple[float, float]:
     """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
     turned = tuple(f * m for f, m in zip(parts, by, strict=True))
     squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
-    sheet = work.sheet(given=Functions(column=turned))
-    table = tabulated(ceiling.problem, sheet, ceiling.whitening)
+    assembly = work.assembly(given=Functions(column=turned))
+    table = tabulated(bound.problem, assembly, bound.whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     last = np.array([len(model)])
     own = table.gain(model[owners == name], model[owners != name])
     gain = table.gain(last, model)
     share = float(solved(table.total, np.append(model, last))[-1])
     least = 0.5**2 * own * turned_squares / max(squares, TINY)
-    return share if gain > max(least, price(1, 1.0, len(work.named))) else 0.0, own
+    return share if gain > max(least, threshold(1, 1.0, len(work.named))) else 0.0, own
 
 
-def _stand_in(
+def _spurious(
     searcher: Searcher,
-    ceiling: Ceiling,
-    work: Working,
+    bound: ExplainableBound,
+    work: CandidateModel,
     leftover: Leftover,
     at_first: float,
     small: Sequence[str] | None,
@@ -524,8 +536,8 @@ def _stand_in(
     """
     if not leftover.groups or not work.named:
         return None
-    dictionary = searcher.study.dictionary(work, searcher.whitening)
-    times = rows_of(ceiling.problem) / ceiling.share / rows_of(searcher.study.problem)
+    dictionary = searcher.context.dictionary(work, searcher.whitening)
+    times = rows_of(bound.problem) / bound.share / rows_of(searcher.context.problem)
     gains = {e.name: times * dictionary.gain(e.name) for e in work.named}
     if leftover.net <= max(form_of(e) * gains[e.name] for e in work.named):
         return None
@@ -533,7 +545,7 @@ def _stand_in(
               for name, gain in gains.items() if small is None or name in small}  # fmt: skip
     larger = SETTINGS.overwhelming if small is None else 1.0
     most = larger * leftover.net / max(at_first, TINY)
-    held = [name for name in shares if leftover.survives[name] < SETTINGS.stand_in]
+    held = [name for name in shares if leftover.retained[name] < SETTINGS.retained]
     spurious = [name for name, share in shares.items()
                 if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
     return max(spurious, key=lambda name: shares[name], default=None)

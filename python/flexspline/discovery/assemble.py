@@ -133,7 +133,7 @@ def assembled(
     limits: Limits | None = None,
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
-    made, fit, problem = held.made, held.fit, held.made.study.problem
+    made, fit, problem = held.made, held.fit, held.made.context.problem
     steps = held.steps.rmse
     own = rmse_error(held.steps.after, problem.block_rows)
     unexplained, floor = (
@@ -165,7 +165,7 @@ def assembled(
         fit=fit,
         runs=_runs(made, held.steps.before, held.steps.after),
         motion=driven_apart(made, fit.model.facts),
-        not_tried=made.study.not_tried,
+        not_tried=made.context.not_tried,
         refused={name: why for name, why in made.searcher.refused.items() if name not in named},
         doubted=made.rejected,
         plan=plan,
@@ -179,7 +179,7 @@ def assembled(
 
 def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:
     """What both models predict of folds that they never saw, and the load if it is known in Nm."""
-    problem, final = made.study.problem, made.final
+    problem, final = made.context.problem, made.final
     loads: Sequence[Array | None] = [run.channels.get("known_load") for run in problem.runs]
     if UNITS[problem.target] == "Nm":
         loads = carried_load(problem, final) or loads
@@ -218,7 +218,7 @@ def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained,
     share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
     if share < SETTINGS.bends:
         return None
-    known = made.study.problem.known_load
+    known = made.context.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
     floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
     error = np.hypot(steps[-1] * own, 0.5 * again.error) / max(floor, TINY)
@@ -267,8 +267,8 @@ def _evidence(
 ) -> str:
     joined = [name for name in group if name != effect.name]
     beside = f", together with {listed(joined, most=len(joined))}" if joined else ""
-    unit = UNITS[made.study.target]
-    what = "runs" if by_runs(made.study.problem) else "blocks"
+    unit = UNITS[made.context.target]
+    what = "runs" if by_runs(made.context.problem) else "blocks"
     said = (
         f"On {what} that the fit never saw it takes the error from {padded(rmse[0])} to "
         f"{padded(rmse[1])} {unit}{beside}; beside all other effects it stands {t:.1f} standard "

@@ -386,7 +386,7 @@ def _product(first: Basis, second: Basis) -> Basis:
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """Several groups as the columns of a `Sheet`; behind them one column (N,) of each run."""
+    """Several groups as columns of a `ColumnAssembly`; behind them one column (N,) of each run."""
 
     groups: tuple[BasisFunctions, ...] = ()
     column: tuple[Array, ...] | None = None

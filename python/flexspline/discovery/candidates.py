@@ -46,7 +46,7 @@ from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
 __all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
-           "joined", "order_pools", "possible", "scanned", "span_of", "unseen", "unseen_of",
+           "joined", "order_candidates", "possible", "scanned", "span_of", "unseen", "unseen_of",
            "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
@@ -153,7 +153,7 @@ def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tup
     return before[: SETTINGS.functions // 2] + tuple(line for line in after if not known(line))
 
 
-def order_pools(
+def order_candidates(
     names: Sequence[str],
     facts: Mapping[str, Any],
     found: Sequence[FoundOrder],
@@ -218,7 +218,7 @@ def unseen(effect: Effect, span: float) -> list[int]:
     """Numbers of the terms that wave too slowly over the joint's angle for these runs to show.
 
     Of an order a quarter of a period has to be seen, or it is a constant and a slope. The fastest
-    is told at any span. Ripple asks for a half (`order_pools`).
+    is told at any span. Ripple asks for a half (`order_candidates`).
     """
     orders = [int(t.name.split()[-1]) if WAVE.fullmatch(t.name) else 0 for t in effect.terms]
     fastest = max(orders, default=0)
@@ -345,7 +345,7 @@ def candidates_for(
     model: Sequence[Effect],
     effects: Iterable[Effect],
     problem: Problem,
-    pools: dict[str, tuple[Harmonic, ...]],
+    orders_of: dict[str, tuple[Harmonic, ...]],
 ) -> list[Candidate]:
     """Return the candidates beside a model.
 
@@ -358,12 +358,12 @@ def candidates_for(
     for effect in effects:
         if effect.name in names or not _loaded([*model, effect], problem):
             continue
-        effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
+        effect = effect.with_orders(orders_of.get(effect.name, ())) if effect.ripple else effect
         variants = shaped(effect, tuple(model), problem, SETTINGS.points)
         if not effect.ripple:
             made.append(Candidate(effect.name, tuple(variants)))
-        elif pools.get(effect.name):
-            atoms = [tuple(v.with_orders([h]) for h in pools[effect.name]) for v in variants]
+        elif orders_of.get(effect.name):
+            atoms = [tuple(v.with_orders([h]) for h in orders_of[effect.name]) for v in variants]
             made.append(Candidate(effect.name, tuple(variants), tuple(atoms)))
     return made
 

@@ -50,7 +50,7 @@ from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.checks.dependence import Dependence
-from flexspline.regression.candidate_model import HeldOut, Working, fall_of, rmse_of
+from flexspline.regression.candidate_model import CandidateModel, HeldOut, fall_of, rmse_of
 
 __all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance",
            "together"]  # fmt: skip
@@ -149,8 +149,8 @@ class Confirmed:
 
 def confirmed(
     made: Analysis,
-    fitted: Callable[[Working], Fit],
-    left_by: Callable[[Working], Residuals],
+    fitted: Callable[[CandidateModel], Fit],
+    left_by: Callable[[CandidateModel], Residuals],
     base: Sequence[str],
 ) -> Confirmed:
     """Withdraw names until each of them holds.
@@ -199,7 +199,7 @@ def _answering(made: Analysis) -> Analysis:
     return made.without(*names)
 
 
-def _fitted(made: Analysis, fitted: Callable[[Working], Fit]) -> tuple[Analysis, Fit]:
+def _fitted(made: Analysis, fitted: Callable[[CandidateModel], Fit]) -> tuple[Analysis, Fit]:
     """The fit, without names that read a load of the model which does not settle beside them.
 
     The search takes a few rounds from the load of the model before.
@@ -280,7 +280,7 @@ def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
     return max(raised, key=lambda one: one.p, default=None)
 
 
-def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) -> Steps:
+def _steps(made: Analysis, fit: Fit, left_by: Callable[[CandidateModel], Residuals]) -> Steps:
     before = _left(made, made.base, left_by)
     if not made.final.named:
         return Steps(before, before, [rmse_of(before)])
@@ -289,7 +289,9 @@ def _steps(made: Analysis, fit: Fit, left_by: Callable[[Working], Residuals]) ->
     return Steps(before, after, [rmse_of(before), *between, fit.cv_rmse])
 
 
-def _left(made: Analysis, work: Working, left_by: Callable[[Working], Residuals]) -> Residuals:
+def _left(
+    made: Analysis, work: CandidateModel, left_by: Callable[[CandidateModel], Residuals]
+) -> Residuals:
     try:
         return left_by(work)
     except UnsettledError:
@@ -300,7 +302,7 @@ def _also_seen(
     made: Analysis,
     small: Sequence[Shown],
     without: float,
-    left_by: Callable[[Working], Residuals],
+    left_by: Callable[[CandidateModel], Residuals],
 ) -> tuple[AlsoSeen, ...]:
     """Those of the small effects that lower the error held out beside the names, if by little."""
     found = []
@@ -336,14 +338,14 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
 
 def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
     """How sure a name is: no more than both the search and the final fit bear out."""
-    dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
+    dictionary = made.searcher.context.dictionary(made.final, made.searcher.whitening)
     gain, left = dictionary.gain(name), made.leftover
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases = sum(rival.alias for rival in rivals)
-    survives = left.survives.get(name, 1.0)
+    retained = left.retained.get(name, 1.0)
     return Sure(
-        confidence(gain, above, survives, left.gain, aliases),
-        doubt(gain, survives, left.gain, left.channels),
+        confidence(gain, above, retained, left.gain, aliases),
+        doubt(gain, retained, left.gain, left.channels),
     )
 
 
@@ -380,7 +382,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         return []
     final, whole = made.final, made.after
     gap = made.before.rmse**2 - whole.rmse**2
-    dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
+    dictionary = made.searcher.context.dictionary(final, made.searcher.whitening)
     shown = []
     for effect in final.named:
         rest = made.left_by(final.without(effect.name))
@@ -433,7 +435,7 @@ def _lowers(made: Analysis, name: str) -> bool:
     falls = [np.nansum(before.residuals[run][rows] ** 2 - after.residuals[run][rows] ** 2)
              for run, rows in at]  # fmt: skip
     others = _but_fold(after, int(np.argmax(falls)))
-    length = made.study.problem.block_rows
+    length = made.context.problem.block_rows
     both = (fall_of(before.residuals, one, length) for one in (after.residuals, others))
     return all(fall > ERRORS * error for fall, error in both)
 

@@ -34,7 +34,7 @@ from flexspline.discovery.faults import (
 )
 from flexspline.discovery.physics import held_powers, spring_bounds
 from flexspline.discovery.result import Discovery
-from flexspline.discovery.search import Study, study_of
+from flexspline.discovery.search import SearchContext, search_context_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
@@ -62,7 +62,7 @@ from flexspline.output_error.fitting import settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
-from flexspline.regression.candidate_model import Working, started, working
+from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started
 from flexspline.regression.gram import Whitening
 from flexspline.signals import require_apart
 from flexspline.simulator import SIMULATED, Simulated
@@ -313,7 +313,7 @@ class _Recorded:
         base = with_fastest([e for e in task.effects if e.harmonics or not e.ripple])
         fine, coarse = made.problem(base), further.problem(base)
         plain = Whitening(np.ones(1), 1.0, fine.decimation)
-        work, _ = started(fine, working(base, len(base), task.fixed), plain)
+        work, _ = started(fine, candidate_model_of(base, len(base), task.fixed), plain)
         both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(runs))]
         told = resolved_rows(
             [run.log for run in fine.runs], [run.target for run in fine.runs], both
@@ -370,9 +370,9 @@ class _Recorded:
     def problem(self, effects: Sequence[Effect]) -> Problem:
         return problem_of(self.logs, effects, **self._posed)
 
-    def study(
+    def context(
         self, free: Sequence[str], *exclude: str
-    ) -> tuple[Study, list[Effect], dict[str, float]]:
+    ) -> tuple[SearchContext, list[Effect], dict[str, float]]:
         """What may be missing beside the base; the base with its freedoms; what is held of it.
 
         `free`: what the base is given beside its effects (`freedoms`). `exclude`: more than the
@@ -390,16 +390,16 @@ class _Recorded:
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
         absent = (*task.exclude, *exclude)
-        study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
+        context = search_context_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
         if self.blur is not None:
-            both = zip(study.problem.runs, self.blur, strict=True)
+            both = zip(context.problem.runs, self.blur, strict=True)
             runs = tuple(replace(run, blur=blur) for run, blur in both)
-            study = replace(study, problem=replace(study.problem, runs=runs))
-        study = replace(study, scatter=task.scatter)
-        return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
+            context = replace(context, problem=replace(context.problem, runs=runs))
+        context = replace(context, scatter=task.scatter)
+        return context, effects, {**task.fixed, **held_of(effects, free, context.problem)}
 
     def look(self, free: Sequence[str]) -> FirstLook:
-        return first_look(*self.study(free), self.task.say)
+        return first_look(*self.context(free), self.task.say)
 
     def analysed(self, free: Sequence[str]) -> Analysis:
         return analysed(self.look(free), self.task.say)
@@ -409,7 +409,7 @@ class _Recorded:
         task = self.task
         task.say("errors and validation")
 
-        def posed(work: Working) -> Posed:
+        def posed(work: CandidateModel) -> Posed:
             problem, base = self.problem(work.effects), work.effects[: work.base]
             hidden = {**unseen_of(work.named, problem), **held_powers(work)}
             held = {**hidden, **task.fixed, **held_of(base, free, problem)}
@@ -417,10 +417,10 @@ class _Recorded:
             allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
             return problem, work.effects, held, allowed
 
-        def fitted(work: Working) -> Fit:
+        def fitted(work: CandidateModel) -> Fit:
             return fit_near(*posed(work), task.model, general=True)
 
-        def left_by(work: Working) -> Residuals:
+        def left_by(work: CandidateModel) -> Residuals:
             return held_out_near(*posed(work))
 
         return confirmed(made, fitted, left_by, [effect.name for effect in task.effects])
@@ -473,11 +473,11 @@ def _on_one_clock(
     elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)
-        made = made.in_runs(recorded.study(others, LAG)[0], LAG)
+        made = made.in_runs(recorded.context(others, LAG)[0], LAG)
     else:
         made = made.without(LAG)
     if delay and LAG not in task.exclude:
-        made.study.not_tried[LAG] = TAKEN
+        made.context.not_tried[LAG] = TAKEN
     return recorded, recorded.confirmed(made, others), delay
 
 
@@ -560,7 +560,7 @@ def _counts(recordings: Sequence[Kept]) -> Counter[str]:
 
 def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, int]:
     """How many rows the model was fitted to, and how many were left out for which reason."""
-    runs = made.study.problem.runs
+    runs = made.context.problem.runs
     used = sum(run.counted for run in runs)
     recorded = sum(len(kept.rows) for kept in recordings)
     moving = at_work([run.log for run in runs], target)

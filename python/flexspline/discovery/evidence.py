@@ -45,7 +45,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import COULOMB, GRAVITY, OUTPUT_RIPPLE, STRIBECK
 from flexspline.least_squares.problem import Problem
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
@@ -59,16 +59,16 @@ from flexspline.regression.gram import (
     tabulated,
 )
 
-__all__ = ["Dictionary", "Offer", "cone_gain", "cone_price", "dictionary_of", "equivalent_t",
-           "held_out_gain", "offers", "price", "price_of"]  # fmt: skip
+__all__ = ["Dictionary", "Offer", "cone_gain", "cone_threshold", "dictionary_of", "equivalent_t",
+           "held_out_gain", "offers", "threshold", "threshold_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-SHAPE_PRICE = 2.0  # χ² that a shape takes for itself when it is fitted
+SHAPE_THRESHOLD = 2.0  # χ² that a shape takes for itself when it is fitted
 
 
 @cache  # a search asks for few of them, very often
-def price(columns: int, forms: float, rivals: int) -> float:
+def threshold(columns: int, forms: float, rivals: int) -> float:
     """Return the χ² that the best of `rivals` in so many forms reaches by chance in a share α."""
     return float(chi2.isf(_share(forms, rivals), columns))
 
@@ -77,12 +77,12 @@ def _share(forms: float, rivals: int) -> float:
     return SETTINGS.alpha / max(rivals, 1) / forms
 
 
-def price_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
-    """Return the price of an effect of some signs; `products`: (K, K) of its columns, over σ²."""
+def threshold_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
+    """Return the threshold of an effect of some signs; `products`: (K, K) of columns, over σ²."""
     signs, count = one_signed(name, target), len(products)
     if signs and count > 1:
-        return cone_price(products, _share(forms, rivals), signs > 1)
-    return price(max(count, 1), 0.5 * forms if signs else forms, rivals)
+        return cone_threshold(products, _share(forms, rivals), signs > 1)
+    return threshold(max(count, 1), 0.5 * forms if signs else forms, rivals)
 
 
 def equivalent_t(gain: float, columns: int) -> float:
@@ -169,7 +169,7 @@ class Dictionary:
 
 
 def dictionary_of(
-    problem: Problem, work: Working, wanted: Iterable[Effect], whitening: Whitening
+    problem: Problem, work: CandidateModel, wanted: Iterable[Effect], whitening: Whitening
 ) -> Dictionary:
     """Add up the products of the columns of a model and of effects beside it, in one pass."""
     wanted = list(dict.fromkeys(wanted))
@@ -178,7 +178,7 @@ def dictionary_of(
     own = {e: np.arange(a, b) for e, a, b in zip(wanted, ends, ends[1:], strict=False)}
     return Dictionary(
         target=problem.target,
-        table=tabulated(problem, work.sheet(beside=wanted), whitening),
+        table=tabulated(problem, work.assembly(beside=wanted), whitening),
         model=np.arange(len(owners)),
         owners=owners,
         candidates=(),
@@ -190,17 +190,17 @@ def dictionary_of(
 
 @dataclass(frozen=True)
 class Offer:
-    """A candidate in its best form beside a model: what it gains, and its price, in χ²."""
+    """A candidate in its best form beside a model: what it gains, and its threshold, in χ²."""
 
     effect: Effect
     columns: Columns
     gain: float
-    price: float
+    threshold: float
 
     @property
     def net(self) -> float:
-        """Gain above the price."""
-        return self.gain - self.price
+        """Gain above the threshold."""
+        return self.gain - self.threshold
 
 
 def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
@@ -225,7 +225,7 @@ def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> li
 def _offer(
     candidate: Candidate, dictionary: Dictionary, left: Array, most: int | None = None
 ) -> Offer:
-    """A candidate in its best form; of a ripple `most` orders, or as many as pay."""
+    """A candidate in its best form; of a ripple `most` orders, or as many as exceed theirs."""
     rivals = len(dictionary.candidates)
     if candidate.atoms:
         made = [_orders(v, atoms, dictionary, left, most or len(atoms))
@@ -241,10 +241,10 @@ def _offer(
     (gain, seen), columns = gains[variant], dictionary.at[variant]
     if seen == len(columns):
         products = left[np.ix_(columns, columns)]
-        cost = price_of(candidate.name, dictionary.target, products, forms, rivals)
+        cost = threshold_of(candidate.name, dictionary.target, products, forms, rivals)
     else:
-        cost = price(max(seen, 1), forms, rivals)
-    return Offer(variant, columns, gain, cost + SHAPE_PRICE * (forms > 1.0))
+        cost = threshold(max(seen, 1), forms, rivals)
+    return Offer(variant, columns, gain, cost + SHAPE_THRESHOLD * (forms > 1.0))
 
 
 def _gain(left: Array, columns: Columns, raw: Array, signs: int, side: float) -> tuple[float, int]:
@@ -274,7 +274,7 @@ def cone_gain(products: Array, pulls: Array, either: bool) -> float:
     return float(max(along @ along - nnls(root, side)[1] ** 2 for side in sides))
 
 
-def cone_price(products: Array, share: float, either: bool) -> float:
+def cone_threshold(products: Array, share: float, either: bool) -> float:
     """Return the gain that chance exceeds in a share of all logs, with coefficients of one sign.
 
     `products`, `either`: as for `cone_gain`.
@@ -304,12 +304,12 @@ def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
 def _orders(
     variant: Effect, atoms: tuple[Effect, ...], dictionary: Dictionary, left: Array, most: int
 ) -> Offer:
-    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`, and
-    more than the form of the others may miss.
+    """Take up to `most` orders of a ripple, one after the other, while one gains its `threshold`
+    and more than the form of the others may miss.
     """
     chosen, raw = list[Effect](), dictionary.raw
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
-    each = price(2, len(atoms), len(dictionary.candidates))
+    each = threshold(2, len(atoms), len(dictionary.candidates))
     while len(chosen) < most:
         rest = [atom for atom in atoms if atom not in chosen]
         trials = np.array([[*columns, *dictionary.at[atom]] for atom in rest], dtype=np.intp)

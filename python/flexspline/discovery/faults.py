@@ -256,15 +256,15 @@ class Delay:
 
 def delay_beside_everything(look: FirstLook) -> Delay:
     """Return the delay of the known load beside all that may be missing."""
-    study, work = look.part, look.base.without(LAG)
-    problem = study.problem
+    context, work = look.part, look.base.without(LAG)
+    problem = context.problem
     load = problem.known_load
     static = [g for g in flexible_basis(problem, pairs=False)
               if RATE not in g.channels and not (g.past and load in g.channels)]  # fmt: skip
-    beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
+    beside = [e for c in context.candidates(work.effects) if c.name != LAG for e in c.effects]
     given = Functions(tuple(static), slopes_by(problem, work.effects, work.coefficients))
-    sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
-    return _last_column(tabulated(problem, sheet, look.noise))
+    assembly = work.assembly(beside=list(dict.fromkeys(beside)), given=given)
+    return _last_column(tabulated(problem, assembly, look.noise))
 
 
 def _last_column(table: Table) -> Delay:
@@ -289,7 +289,7 @@ def delay_behind(made: Analysis) -> Delay:
     those that were taken back included. What no name explains may follow it too: the error is
     doubled beside that.
     """
-    problem, searcher = made.study.problem, made.searcher
+    problem, searcher = made.context.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
     back = [taken[name] for name in made.rejected if name in taken]
     work, _ = searcher.fitted(made.final.with_effects(*back))
@@ -297,8 +297,8 @@ def delay_behind(made: Analysis) -> Delay:
         np.gradient(work.predict(problem, number), run.log["time"])
         for number, run in enumerate(problem.runs)
     )
-    sheet = work.sheet(given=Functions(column=slopes))
-    late = _last_column(tabulated(problem, sheet, searcher.whitening))
+    assembly = work.assembly(given=Functions(column=slopes))
+    late = _last_column(tabulated(problem, assembly, searcher.whitening))
     return replace(late, error=2.0 * late.error) if made.leftover.groups else late
 
 
@@ -307,7 +307,7 @@ def lead_of(made: Analysis) -> Delay:
     work = made.final
     if LAG not in [effect.name for effect in work.effects]:
         return Delay()
-    dictionary = made.searcher.study.dictionary(work, made.searcher.whitening)
+    dictionary = made.searcher.context.dictionary(work, made.searcher.whitening)
     lead = -float(work.values(LAG)[0])
     return Delay(lead, abs(lead) / np.sqrt(max(dictionary.gain(LAG), TINY)))
 

@@ -29,7 +29,7 @@ from flexspline.effects.causes import (
 )
 from flexspline.least_squares.options import Bounds
 from flexspline.least_squares.problem import Problem
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import TINY
 
 __all__ = ["LOOPS", "WIDTH", "driving_spring", "falling_power", "fastest_of", "held_powers",
@@ -57,7 +57,7 @@ def one_signed(name: str, target: str) -> int:
     return int(target in DRIVES and traits_of(name).one_signed)
 
 
-def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:
+def impossible(work: CandidateModel, name: str, problem: Problem, scatter: float = 0.0) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
     `scatter`: noise of the load cell as recorded, Nm, which a narrower loop follows. The drive
@@ -67,7 +67,7 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
     return why or (_wrong_sign(work, name, problem) if problem.simulated is None else "")
 
 
-def _not_its_form(work: Working, name: str, problem: Problem, scatter: float) -> str:
+def _not_its_form(work: CandidateModel, name: str, problem: Problem, scatter: float) -> str:
     """Why the shape of an effect is not its own, "" where it is."""
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
@@ -83,7 +83,7 @@ def _not_its_form(work: Working, name: str, problem: Problem, scatter: float) ->
     return ""
 
 
-def _wrong_sign(work: Working, name: str, problem: Problem) -> str:
+def _wrong_sign(work: CandidateModel, name: str, problem: Problem) -> str:
     """Why its sign cannot be, "" where it can."""
     values = work.values(name)
     if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
@@ -99,7 +99,7 @@ def _wrong_sign(work: Working, name: str, problem: Problem) -> str:
     return f"its {'springs' if name in LOOPS else 'friction'} would drive the joint"
 
 
-def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
+def _bent_one_way(work: CandidateModel, name: str, problem: Problem) -> str:
     """Why a change of direction is none, "" where it is one or reaches into no speed."""
     shapes = _shapes(work, name)
     if WIDTH not in shapes:
@@ -112,7 +112,7 @@ def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
     return "no run changes direction, and its change of direction would reach into their speeds"
 
 
-def _not_fading(work: Working, problem: Problem) -> str:
+def _not_fading(work: CandidateModel, problem: Problem) -> str:
     """Why friction does not fade from rest as a start's does, "" where it does."""
     fastest, shapes = fastest_of(problem), _shapes(work, STRIBECK)
     if shapes["stribeck_velocity"] < shapes["direction_width"]:
@@ -122,7 +122,7 @@ def _not_fading(work: Working, problem: Problem) -> str:
     return ""
 
 
-def _falls(work: Working, problem: Problem) -> bool:
+def _falls(work: CandidateModel, problem: Problem) -> bool:
     """Whether friction becomes less by a small part of its level before it rises with the speed.
 
     Not asked of a drive whose level has the wrong sign.
@@ -142,7 +142,7 @@ def fastest_of(problem: Problem) -> float:
     return problem.once("fastest", lambda: max(float(max(v.max(), -v.min())) for v in speeds))
 
 
-def driving_spring(work: Working, target: str) -> str:
+def driving_spring(work: CandidateModel, target: str) -> str:
     """Return the presliding spring whose sign is most against the others', "" where none is.
 
     The last free one of an effect stays, whatever its sign.
@@ -158,7 +158,7 @@ def driving_spring(work: Working, target: str) -> str:
     return worst if worst and against[worst] > 0.0 else ""
 
 
-def falling_power(work: Working, problem: Problem) -> str:
+def falling_power(work: CandidateModel, problem: Problem) -> str:
     """Return the power of the speed that makes friction fall from rest, "" where it does not fall.
 
     Of two powers whose coefficients runs hardly tell apart, one may be below zero by chance. The
@@ -173,12 +173,12 @@ def falling_power(work: Working, problem: Problem) -> str:
     return names[worst] if along[worst] < 0.0 else ""
 
 
-def held_powers(work: Working) -> dict[str, float]:
+def held_powers(work: CandidateModel) -> dict[str, float]:
     """Return the powers of the speed that a search holds, by name, as a fit has to."""
     return {n: work.fixed[n] for n in _terms(work, POLYNOMIAL_FRICTION) if n in work.fixed}
 
 
-def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
+def spring_bounds(work: CandidateModel, target: str) -> dict[str, Bounds]:
     """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
     found: dict[str, Bounds] = {}
     for effect in LOOPS:
@@ -204,15 +204,15 @@ def _build_up(levels: Array, width: float) -> float:
     return float(sizes @ (width * 0.5 ** np.arange(len(sizes)))) / max(float(sizes.sum()), TINY)
 
 
-def _shapes(work: Working, name: str) -> Mapping[str, float]:
+def _shapes(work: CandidateModel, name: str) -> Mapping[str, float]:
     (shapes,) = (e.shapes for e in work.effects if e.name == name)
     return shapes
 
 
-def _terms(work: Working, name: str) -> list[str]:
+def _terms(work: CandidateModel, name: str) -> list[str]:
     return [f"{e.name}.{t.name}" for e in work.effects if e.name == name for t in e.terms]
 
 
-def level_of(work: Working, name: str) -> float:
+def level_of(work: CandidateModel, name: str) -> float:
     """Return the first coefficient of an effect, 0 where the model does not have it."""
     return float(next(iter(work.values(name)), 0.0))

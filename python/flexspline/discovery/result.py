@@ -35,7 +35,7 @@ from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
 from flexspline.prepared import bandwidth_used, inputs_json
-from flexspline.regression.candidate_model import Fold, Working
+from flexspline.regression.candidate_model import CandidateModel, Fold
 from flexspline.regression.gram import TINY
 from flexspline.schema import checked_json
 
@@ -55,22 +55,22 @@ __all__ = ["Discovery", "Found", "Motion", "NoiseFloor", "Unexplained", "confide
            "driven_apart"]  # fmt: skip
 
 
-def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
+def confidence(gain: float, above: float, retained: float, left: float, aliases: int) -> float:
     """Return the probability that a name is right; gains in χ² (see the module docstring).
 
     Parameters
     ----------
-    gain, above : what the name gains, and that above its price, by search and final fit.
+    gain, above : what the name gains, and that above its threshold, by search and final fit.
     survives : share of its gain that it keeps beside functions of a flexible basis.
     left : gain of these beside it.
     aliases : how many names explain the runs as well.
     """
     chance = np.exp(-0.5 * max(above, 0.0))
-    flexible = _flexible(gain, survives, left)
+    flexible = _flexible(gain, retained, left)
     return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
 
 
-def doubt(gain: float, survives: float, left: float, channels: Sequence[str]) -> str:
+def doubt(gain: float, retained: float, left: float, channels: Sequence[str]) -> str:
     """Return why functions of a flexible basis lower the confidence in a name; "" where little.
 
     The arguments are those of `confidence`; `channels`: which the functions are of.
@@ -83,15 +83,15 @@ def doubt(gain: float, survives: float, left: float, channels: Sequence[str]) ->
     return (
         f" The confidence is lower for functions of {listed(channels)} that no name explains: "
         f"after prewhitening they gain {much} what it does, "
-        f"and beside all functions of {of_these} it keeps {percent(max(survives, 0.0))} of that."
+        f"and beside all functions of {of_these} it keeps {percent(max(retained, 0.0))} of that."
     )
 
 
-def _flexible(gain: float, survives: float, left: float) -> float:
+def _flexible(gain: float, retained: float, left: float) -> float:
     """The odds against a name of what functions of a flexible basis explain in its place."""
     beside = left / max(gain, TINY)
     beyond = float(np.clip(beside / SETTINGS.bends - 1.0, 0.0, 1.0))
-    return beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
+    return beside + beyond * (1.0 - float(np.clip(retained, 0.0, 1.0)))
 
 
 DRIVES = ("motor_torque", "motor_current")
@@ -130,7 +130,7 @@ def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
 
     Nor where finer steps give another motion: the least difference decides it there.
     """
-    problem = made.study.problem
+    problem = made.context.problem
     both = (made.base, made.final)
     alone = problem.simulated is None  # a correction is no joint that can be driven
     if problem.target not in DRIVES or problem.lowpass is not None or not alone:
@@ -146,7 +146,7 @@ def driven_apart(made: Analysis, facts: Mapping[str, Any]) -> Motion | None:
 def _driven(made: Analysis, facts: dict[str, Any]) -> Motion | None:
     from flexspline.forward import simulate
 
-    problem, runs = made.study.problem, []
+    problem, runs = made.context.problem, []
     steps: int | None = None  # as many as the first fold takes
     for first, last in zip(made.before.folds, made.after.folds, strict=True):
         log = problem.runs[first.run].log
@@ -160,9 +160,9 @@ def _driven(made: Analysis, facts: dict[str, Any]) -> Motion | None:
     return Motion(one.channel, one.unit, tuple(runs))
 
 
-def _model(made: Analysis, work: Working, fold: Fold, facts: dict[str, Any]) -> Model:
+def _model(made: Analysis, work: CandidateModel, fold: Fold, facts: dict[str, Any]) -> Model:
     """The model of the fit that never saw a fold."""
-    problem = made.study.problem
+    problem = made.context.problem
     part = Part(problem.target, work.effects, fold.coefficients, problem.known_load)
     return Model({PART_OF[problem.target]: part}, facts)
 

@@ -26,7 +26,7 @@ from flexspline.discovery.candidates import (
     Candidate,
     candidates_for,
     joined,
-    order_pools,
+    order_candidates,
     possible,
     scanned,
     span_of,
@@ -38,8 +38,8 @@ from flexspline.discovery.evidence import (
     dictionary_of,
     held_out_gain,
     offers,
-    price,
-    price_of,
+    threshold,
+    threshold_of,
 )
 from flexspline.discovery.physics import (
     LOOPS,
@@ -57,7 +57,7 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
-from flexspline.regression.candidate_model import Working, refitted, started
+from flexspline.regression.candidate_model import CandidateModel, refitted, started
 from flexspline.regression.gram import (
     Columns,
     Given,
@@ -72,15 +72,23 @@ from flexspline.regression.gram import (
 )
 from flexspline.signals import require_one_unit
 
-__all__ = ["Searcher", "Study", "cost_of", "form_of", "freedom", "missed", "share_missed",
-           "study_of"]  # fmt: skip
+__all__ = [
+    "SearchContext",
+    "Searcher",
+    "cost_of",
+    "form_of",
+    "freedom",
+    "missed",
+    "search_context_of",
+    "share_missed",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
 
 
 @dataclass(eq=False, repr=False)
-class Study:
+class SearchContext:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
     `tied`: channels that are nearly a function of another. `scatter`: of the load cell, Nm.
@@ -93,14 +101,14 @@ class Study:
     orders: Orders = ()
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
-    last: tuple[Working, Whitening, Dictionary] | None = None
+    last: tuple[CandidateModel, Whitening, Dictionary] | None = None
     known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(default_factory=dict)
 
     @property
     def target(self) -> str:
         return self.problem.target
 
-    def thinned(self, parts: int | None = None) -> Study:
+    def thinned(self, parts: int | None = None) -> SearchContext:
         """The same for a part of long logs, `parts` of `rows` or more; itself for others."""
         parts = SETTINGS.tried - 1 if parts is None else parts
         news = rows_of(self.problem) // self.problem.decimation
@@ -115,13 +123,13 @@ class Study:
         if orders is not self.orders:
             facts = self.problem.runs[0].log.facts
             names, span = [e.name for e in self.possible], span_of(self.problem)
-            pools = order_pools(names, facts, self.orders, model, self.target, span)
-            made = candidates_for(model, self.possible, self.problem, pools)
+            orders_of = order_candidates(names, facts, self.orders, model, self.target, span)
+            made = candidates_for(model, self.possible, self.problem, orders_of)
             self.known[tuple(model)] = self.orders, made
         return made
 
     def dictionary(
-        self, work: Working, whitening: Whitening, *, without: Sequence[str] = ()
+        self, work: CandidateModel, whitening: Whitening, *, without: Sequence[str] = ()
     ) -> Dictionary:
         """Return the table of a model and all candidates, beside it or beside it without some."""
         candidates = self._beside(work, without)
@@ -135,18 +143,18 @@ class Study:
         self.last = work, whitening, made
         return replace(made, candidates=tuple(candidates))
 
-    def _beside(self, work: Working, without: Sequence[str]) -> list[Candidate]:
+    def _beside(self, work: CandidateModel, without: Sequence[str]) -> list[Candidate]:
         """What may stand beside a model, or beside it in the place of some of its effects."""
         return self.candidates([e for e in work.effects if e.name not in without])
 
-    def scan(self, work: Working) -> None:
+    def scan(self, work: CandidateModel) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay."""
         logs = [run.log for run in self.problem.runs]
         residuals = left_of(self.problem, work.effects, work.coefficients, work.coefficients)
         self.orders = joined(self.orders, scanned(logs, residuals, UNITS[self.target]))
 
 
-def study_of(
+def search_context_of(
     base: Sequence[Effect],
     logs: Sequence[Log],
     target: str,
@@ -156,7 +164,7 @@ def study_of(
     own: Sequence[Effect] = (),
     inputs: Sequence[Log] | None = None,
     **rest: Any,
-) -> Study:
+) -> SearchContext:
     """Make logs ready for the base and every effect that they could show beside it.
 
     `own`: effects of the user's that are candidates too. `rest`: as for `problem_of`.
@@ -174,7 +182,7 @@ def study_of(
         logs, [*base, *kept], target, known_load=known_load, inputs=inputs, **rest
     )  # fmt: skip
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
-    return Study(replace(problem, runs=runs), kept, reasons)
+    return SearchContext(replace(problem, runs=runs), kept, reasons)
 
 
 def _finite(effect: Effect, logs: Sequence[Log], reasons: dict[str, str]) -> bool:
@@ -226,18 +234,18 @@ FEW_PLACES = "it is at a few angles of the output, and does not come again betwe
 class Searcher:
     """A search at one noise; `refused` says why the best offers were not taken.
 
-    `lax`: for a first look, with no more than prices. `kept`: what effects gained beside a model
-    and columns that were given.
+    `lax`: for a first look, with no more than thresholds. `kept`: what effects gained beside a
+    model and columns that were given.
     """
 
-    study: Study
+    context: SearchContext
     whitening: Whitening
     lax: bool = False
     say: Callable[[str], object] = lambda _: None
     refused: dict[str, str] = field(default_factory=dict)
     kept: dict[Any, dict[Effect, float]] = field(default_factory=dict, repr=False)
 
-    def run(self, work: Working) -> tuple[Working, list[Offer]]:
+    def run(self, work: CandidateModel) -> tuple[CandidateModel, list[Offer]]:
         """Return the model with all names, and these with what they gained as they were taken."""
         work, squares = self.fitted(work)
         steps: list[Offer] = []
@@ -256,12 +264,12 @@ class Searcher:
             seen.add(key)
         return work, steps
 
-    def fitted(self, work: Working) -> tuple[Working, float]:
+    def fitted(self, work: CandidateModel) -> tuple[CandidateModel, float]:
         """Refit a model, its springs of one sign, and what runs do not show (`unseen`) at zero.
 
         Nor does a power of the speed make friction fall from rest, where another power is left.
         """
-        problem, target = self.study.problem, self.study.target
+        problem, target = self.context.problem, self.context.target
         if (hidden := unseen_of(work.named, problem)).keys() - work.fixed.keys():
             work = replace(work, fixed={**hidden, **work.fixed}).having(work.effects)
         work, squares = refitted(problem, work, self.whitening)
@@ -269,26 +277,26 @@ class Searcher:
             work, squares = refitted(problem, work.holding(against, 0.0), self.whitening)
         return work, squares
 
-    def _off_bounds(self, work: Working, squares: float) -> tuple[Working, float]:
+    def _off_bounds(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
         """Look anew for shapes that stand at a bound: a poorer model may have driven them there."""
         if not work.bound:
             return work, squares
-        trial, _ = started(self.study.problem, work, self.whitening, work.bound)
+        trial, _ = started(self.context.problem, work, self.whitening, work.bound)
         trial, left = self.fitted(trial)
         return (trial, left) if left < squares else (work, squares)
 
-    def again(self, work: Working) -> Working:
+    def again(self, work: CandidateModel) -> CandidateModel:
         """The names of a part of the rows on all of them: each in its best form, if it holds."""
         work, squares = self.fitted(work)
         for effect in work.named:
-            dictionary = self.study.dictionary(work, self.whitening, without=[effect.name])
+            dictionary = self.context.dictionary(work, self.whitening, without=[effect.name])
             made = offers(dictionary, dictionary.without([effect.name]), plain=True)
             cost = cost_of(dictionary, work, effect.name)
             least = dictionary.gain(effect.name) - cost
             for offer in (o for o in made if o.effect.name == effect.name and o.net > least):
                 effects = [offer.effect if e.name == effect.name else e for e in work.effects]
                 trial, left = self.fitted(work.having(effects))
-                if left + offer.price < squares + cost:
+                if left + offer.threshold < squares + cost:
                     work, squares = trial, left
         work = self.pruned(work)
         for name in [effect.name for effect in work.named]:
@@ -298,10 +306,10 @@ class Searcher:
                 work = self.pruned(self.fitted(self.less(work, name))[0])
         return work
 
-    def pruned(self, work: Working) -> Working:
-        """Drop names that do not pay their price beside the others."""
+    def pruned(self, work: CandidateModel) -> CandidateModel:
+        """Drop names that do not exceed their threshold beside the others."""
         while work.named:
-            dictionary = self.study.dictionary(work, self.whitening)
+            dictionary = self.context.dictionary(work, self.whitening)
             net = {e.name: dictionary.gain(e.name) - max(self._owed(dictionary, work, e))
                    for e in work.named}  # fmt: skip
             worst = min(net, key=lambda name: net[name])
@@ -310,34 +318,38 @@ class Searcher:
             work, _ = self.fitted(self.less(work, worst))
         return work
 
-    def less(self, work: Working, *names: str) -> Working:
+    def less(self, work: CandidateModel, *names: str) -> CandidateModel:
         """The model without some effects, and without those that read a load which these made."""
         rest = work.without(*names)
-        known = self.study.problem.known_load is not None
+        known = self.context.problem.known_load is not None
         if known or any(effect.info.carries_load for effect in rest.effects):
             return rest
         return rest.without(*(effect.name for effect in rest.named if "load" in effect.reads))
 
-    def _owed(self, dictionary: Dictionary, work: Working, effect: Effect) -> tuple[float, float]:
-        """What a name has to gain beside all others: its price, its shapes known; and `_missed`."""
+    def _owed(
+        self, dictionary: Dictionary, work: CandidateModel, effect: Effect
+    ) -> tuple[float, float]:
+        """What a name has to gain beside all others: its threshold, its shapes known; `_missed`."""
         cost = cost_of(dictionary, work, effect.name)
         if self.lax:
             return cost, 0.0
         return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
-    def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
+    def _examined(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
         """Drop names, or exchange them for one or two others where that is better."""
         for name in [effect.name for effect in work.named]:
             if name in {effect.name for effect in work.named}:
                 work, squares = self._changed(work, squares, name)
         return work, squares
 
-    def _changed(self, work: Working, squares: float, out: str) -> tuple[Working, float]:
-        """The best of a model: as it is, less a name that does not pay, or with an exchange.
+    def _changed(
+        self, work: CandidateModel, squares: float, out: str
+    ) -> tuple[CandidateModel, float]:
+        """The best of a model: as it is, less a name below its threshold, or with an exchange.
 
         Two in the place of one have to be better than that one and the best that may follow it.
         """
-        dictionary = self.study.dictionary(work, self.whitening, without=[out])
+        dictionary = self.context.dictionary(work, self.whitening, without=[out])
         model, rest = dictionary.without([out]), self.less(work, out)
         own = next(effect for effect in work.named if effect.name == out)
         cost, form = self._owed(dictionary, work, own)
@@ -358,7 +370,7 @@ class Searcher:
         added = [offer.effect for offer in best]
         trial, left = self.fitted(rest.with_effects(*added))
         margin = max(sum(map(freedom, added)) - freedom(own), 0)
-        paid = sum(offer.price for offer in best) + SETTINGS.negligible * gain * margin
+        paid = sum(offer.threshold for offer in best) + SETTINGS.negligible * gain * margin
         if squares + gain - left - paid > least and self._pays(trial, added):
             return trial, left
         return work, squares
@@ -381,19 +393,21 @@ class Searcher:
             made += [[first, second] for second in beside(both, first.effect.name)[:1]]
         return sorted(made, key=lambda those: sum(map(_rank, those)), reverse=True)
 
-    def _pays(self, work: Working, added: Sequence[Effect]) -> bool:
+    def _pays(self, work: CandidateModel, added: Sequence[Effect]) -> bool:
         """Whether new names of a fitted model are possible and gain what they owe."""
         if any(self.forbidden(work, effect.name) for effect in added):
             return False
         if len(added) == 1:
             return True
-        dictionary = self.study.dictionary(work, self.whitening)
+        dictionary = self.context.dictionary(work, self.whitening)
         new = [e for e in work.named if e.name in {effect.name for effect in added}]
         return all(dictionary.gain(e.name) >= max(self._owed(dictionary, work, e)) for e in new)
 
-    def _best(self, work: Working, squares: float) -> tuple[Working, float, Offer] | None:
+    def _best(
+        self, work: CandidateModel, squares: float
+    ) -> tuple[CandidateModel, float, Offer] | None:
         """The model with the best offer that can be taken; None where none can."""
-        dictionary = self.study.dictionary(work, self.whitening)
+        dictionary = self.context.dictionary(work, self.whitening)
         worthy = self._worth(dictionary, work, dictionary.model)
         while worthy:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
@@ -403,7 +417,7 @@ class Searcher:
             worthy = [offer for offer in worthy if offer not in near]
         return None
 
-    def _worth(self, dictionary: Dictionary, work: Working, model: Columns) -> list[Offer]:
+    def _worth(self, dictionary: Dictionary, work: CandidateModel, model: Columns) -> list[Offer]:
         """Offers beside a model that are worth a fit, the best first."""
         made = sorted(offers(dictionary, model, plain=True), key=_rank, reverse=True)
         rivals = [offer.effect for offer in made if offer.net > 0.0]
@@ -413,7 +427,7 @@ class Searcher:
         self,
         offer: Offer,
         dictionary: Dictionary,
-        work: Working,
+        work: CandidateModel,
         model: Columns,
         rivals: Sequence[Effect],
     ) -> bool:
@@ -434,25 +448,25 @@ class Searcher:
     def _missed(
         self,
         dictionary: Dictionary,
-        work: Working,
+        work: CandidateModel,
         effect: Effect,
         gain: float,
         rivals: Sequence[Effect] = (),
     ) -> float:
-        """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
+        """What the forms of names may miss, χ²; 0 if an effect is clear beside freed forms.
 
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
-        tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
+        tied, others = self.context.tied, [e for e in work.named if e.name != effect.name]
         names = {e.name: missed(dictionary, e, effect, tied) for e in others}
         most = max(names.values(), default=0.0)
-        problem = self.study.thinned().problem
-        least = price(len(effect.terms), 1.0, len(dictionary.candidates))
+        problem = self.context.thinned().problem
+        least = threshold(len(effect.terms), 1.0, len(dictionary.candidates))
         rest = [e for e in work.effects if e.name != effect.name]
         turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else None
-        more = rows_of(self.study.problem) / rows_of(problem)
+        more = rows_of(self.context.problem) / rows_of(problem)
         alike = [e for e in rivals if {*e.reads} == {SPEED}]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
@@ -468,7 +482,7 @@ class Searcher:
     def _kept(
         self,
         problem: Problem,
-        work: Working,
+        work: CandidateModel,
         effect: Effect,
         given: Given,
         bent: tuple[Effect, ...],
@@ -492,7 +506,7 @@ class Searcher:
     def _gains(
         self,
         problem: Problem,
-        work: Working,
+        work: CandidateModel,
         effects: Sequence[Effect],
         given: Given,
         turning: bool,
@@ -501,7 +515,7 @@ class Searcher:
 
         `turning`: whether friction turns over by these; it never exceeds its level, as Stribeck's.
         """
-        table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
+        table = tabulated(problem, work.assembly(beside=effects, given=given), self.whitening)
         ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
         model = np.delete(np.arange(len(table.total) - 1), np.arange(ends[0], ends[-1]))
         left, raw = table.without(model), np.diag(table.total)
@@ -514,13 +528,13 @@ class Searcher:
         }
 
     def _tried(
-        self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
-    ) -> tuple[Working, float, Offer] | None:
+        self, offer: Offer, dictionary: Dictionary, work: CandidateModel, squares: float
+    ) -> tuple[CandidateModel, float, Offer] | None:
         """The model with an offer, its shapes refitted; None where it cannot be taken."""
         effect = offer.effect
         made, left = self.fitted(work.with_effects(effect))
         gain = squares - left
-        if gain < offer.price:
+        if gain < offer.threshold:
             return None
         reason = "" if self.lax else self.forbidden(made, effect.name)
         if not self.lax and not reason and gain < self._missed(dictionary, work, effect, gain):
@@ -530,13 +544,13 @@ class Searcher:
             return None
         return made, left, replace(offer, gain=gain)
 
-    def forbidden(self, work: Working, name: str) -> str:
+    def forbidden(self, work: CandidateModel, name: str) -> str:
         """Why a name of a fitted model cannot be what it says; empty where it can."""
-        reason = impossible(work, name, self.study.problem, self.study.scatter)
+        reason = impossible(work, name, self.context.problem, self.context.scatter)
         effect = next(e for e in work.effects if e.name == name)
         return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
 
-    def _at_few_places(self, work: Working, effect: Effect) -> bool:
+    def _at_few_places(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
         Many orders follow a bump. Counted until the orders explain most of what all of them do; of
@@ -544,10 +558,10 @@ class Searcher:
         """
         if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
-        problem = self.study.thinned().problem
+        problem = self.context.thinned().problem
         rest = work.without(effect.name)
-        sheet = rest.sheet(beside=[effect], given=places_of(problem))
-        table = tabulated(problem, sheet, self.whitening)
+        assembly = rest.assembly(beside=[effect], given=places_of(problem))
+        table = tabulated(problem, assembly, self.whitening)
         own = len(rest.owners()) + np.arange(len(effect.terms))
         left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
@@ -570,21 +584,21 @@ def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]
         yield float(gains.max())
 
 
-def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:
-    """Return the price of a name of the model, its shapes known."""
+def cost_of(dictionary: Dictionary, work: CandidateModel, name: str) -> float:
+    """Return the threshold of a name of the model, its shapes known."""
     own = dictionary.own(name)
     own = own[own < len(work.free)]  # shapes come behind all coefficients
     left = dictionary.table.without(dictionary.without([name]))[np.ix_(own, own)]
-    return price_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
+    return threshold_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
 
 
 def _net(made: Sequence[Offer]) -> float:
-    """Gain of all above the price of all."""
+    """Gain of all above the threshold of all."""
     return sum(offer.net for offer in made)
 
 
 def _rank(offer: Offer) -> float:
-    """Gain above the price, less a share of it for every column and shape beyond the first."""
+    """Gain above the threshold, less a share of it for every column and shape beyond the first."""
     return offer.net - SETTINGS.negligible * (freedom(offer.effect) - 1) * offer.gain
 
 

@@ -28,9 +28,9 @@ class Settings:
     bends : the same for a candidate that reads nothing but the name's channels and may bend it; and
         of a gap, what is no second name.
     little, most : of anything: a small part of it, nearly all of it.
-    stand_in : of its gain, that a name keeps beside functions of the channels, to be no stand-in.
+    retained : of its gain, that a name keeps beside functions of the channels, or it is spurious.
         Once a judgement on two measured joints; half and twice change no name of 60 robot cases.
-    freed : times its price, that an effect gains beside freed forms: functions are few.
+    freed : times its threshold, that an effect gains beside freed forms: functions are few.
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
     told : standard errors up to which two are indistinguishable.
     certain : t above which held-out errors fall by more than chance: of a name, in the report's
@@ -52,7 +52,7 @@ class Settings:
     bends: float = 0.05
     little: float = 0.1
     most: float = 0.8
-    stand_in: float = 0.4
+    retained: float = 0.4
     freed: float = 1.25
     overwhelming: float = 5.0
     told: float = 3.0

@@ -33,12 +33,12 @@ from flexspline.discovery.basis import (
 from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
 from flexspline.least_squares.problem import Problem
-from flexspline.regression.candidate_model import HeldOut, Working, fall_of
+from flexspline.regression.candidate_model import CandidateModel, HeldOut, fall_of
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
+    ColumnAssembly,
     Columns,
-    Sheet,
     Table,
     Whitening,
     fold_blocks,
@@ -48,7 +48,7 @@ from flexspline.regression.gram import (
     thinned,
 )
 
-__all__ = ["Ceiling", "Leftover", "kept", "leftover_in", "leftover_of", "looked_at",
+__all__ = ["ExplainableBound", "Leftover", "kept", "leftover_in", "leftover_of", "looked_at",
            "repeated"]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ Rows = NDArray[np.intp]
 FUNCTIONS = "rows of functions"  # what a problem keeps of them
 
 
-class Ceiling:
+class ExplainableBound:
     """Functions of all channels and pairs of them, as a noise sees them.
 
     `tables`: all of them on few rows, and powers, of which each takes little evidence, on many.
@@ -118,14 +118,14 @@ class FunctionTable:
         both = zip(left, right, strict=True)
         return np.array([a.T @ b for a, b in both]) / self.whitening.variance
 
-    def beside(self, work: Working) -> Overlap:
+    def beside(self, work: CandidateModel) -> Overlap:
         """Return the functions beside the columns of a model, and beside what a smoother blurs."""
         blur = [run.blur for run in self.problem.runs]
         known = tuple(one for one in blur if one is not None)
         given = Functions(column=known) if len(known) == len(blur) else None
-        sheet, made = work.sheet(given=given), []
+        assembly, made = work.assembly(given=given), []
         for number in range(len(self.problem.runs)):
-            white, at = sheet.white(self.problem, self.whitening, number)
+            white, at = assembly.white(self.problem, self.whitening, number)
             made.append(white[np.searchsorted(at, self.rows[number])])
         owners = [*work.owners(), *([""] if given else [])]
         return Overlap(self, [made[n][first:last] for n, first, last in self.folds], owners)
@@ -149,9 +149,9 @@ def _functions(problem: Problem, groups: Sequence[BasisFunctions]) -> list[Made]
     stretches = [run.stretches for run in problem.runs]
     name = f"{FUNCTIONS}, {len(groups)}"
     if kept.get(name, (None,))[0] != stretches:
-        sheet = Sheet((), np.empty(0), (), np.empty(0), Functions(tuple(groups)))
+        assembly = ColumnAssembly((), np.empty(0), (), np.empty(0), Functions(tuple(groups)))
         numbers = range(len(problem.runs))
-        kept[name] = stretches, [[*sheet.stretches(problem, number)] for number in numbers]
+        kept[name] = stretches, [[*assembly.stretches(problem, number)] for number in numbers]
     made: list[Made] = kept[name][1]
     return made
 
@@ -162,29 +162,29 @@ class Overlap:
     `chosen`: groups of functions that were taken to the model.
     """
 
-    def __init__(self, ceiling: FunctionTable, columns: list[Array], owners: Sequence[str]) -> None:
-        self.ceiling, self.columns, self.chosen = ceiling, columns, list[int]()
+    def __init__(self, bound: FunctionTable, columns: list[Array], owners: Sequence[str]) -> None:
+        self.bound, self.columns, self.chosen = bound, columns, list[int]()
         self.owners = np.array(owners, dtype=str)
 
     def _with(self, *more: int) -> list[Array]:
         """[Model, functions taken, and more, target] of each fold."""
-        at = [self.ceiling.at[group] for group in (*self.chosen, *more)]
+        at = [self.bound.at[group] for group in (*self.chosen, *more)]
         return [
-            np.column_stack([own[:, :-1], *(self.ceiling.part(fold, a) for a in at), own[:, -1]])
-            for fold, own in zip(self.ceiling.folds, self.columns, strict=True)
+            np.column_stack([own[:, :-1], *(self.bound.part(fold, a) for a in at), own[:, -1]])
+            for fold, own in zip(self.bound.folds, self.columns, strict=True)
         ]
 
     def gains(self) -> list[tuple[float, int]]:
         """Squares over σ² that each group explains beside the model, and columns seen."""
-        own, ceiling = self._with(), self.ceiling
-        inside = ceiling.over_noise(own, own).sum(axis=0)
-        across = ceiling.over_noise([ceiling.part(f) for f in ceiling.folds], own).sum(axis=0)
+        own, bound = self._with(), self.bound
+        inside = bound.over_noise(own, own).sum(axis=0)
+        across = bound.over_noise([bound.part(f) for f in bound.folds], own).sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(inside)[:-1], TINY))
         products = inside[:-1, :-1] / np.outer(scale, scale)
         inverse = np.linalg.pinv(products, SINGULAR, hermitian=True)
         towards = inverse @ (inside[:-1, -1] / scale)
         made = []
-        for at, total in zip(ceiling.at, ceiling.blocks, strict=True):
+        for at, total in zip(bound.at, bound.blocks, strict=True):
             shared = across[at, :-1] / scale
             left = np.empty((len(total), len(total) + 1))
             left[:, :-1] = total - shared @ inverse @ shared.T
@@ -196,8 +196,8 @@ class Overlap:
     def table(self, *more: int) -> Table:
         """Products of [model, functions taken, and more, target] by fold."""
         own = self._with(*more)
-        rows = [last - first for _, first, last in self.ceiling.folds]
-        return Table(self.ceiling.over_noise(own, own), np.array(rows, dtype=np.int64))
+        rows = [last - first for _, first, last in self.bound.folds]
+        return Table(self.bound.over_noise(own, own), np.array(rows, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class Leftover:
     """Functions that explain the residual; `gain` in χ², by channel in `carried`.
 
     `net`: of each when it was taken, less what the best of so many reaches by chance. `share`: of
-    all that names and functions explain, the functions' part, in χ². `survives`: see `_survival`.
+    all that names and functions explain, the functions' part, in χ². `retained`: see `_retained`.
     """
 
     groups: tuple[BasisFunctions, ...]
@@ -213,7 +213,7 @@ class Leftover:
     net: float
     share: float
     carried: dict[str, float]
-    survives: dict[str, float]
+    retained: dict[str, float]
 
     @property
     def channels(self) -> list[str]:
@@ -223,12 +223,12 @@ class Leftover:
         return told or order[:1]
 
 
-def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
+def leftover_of(bound: ExplainableBound, work: CandidateModel) -> Leftover:
     """Return what the functions that explain most of the residual of a model explain of it."""
-    return max((leftover_in(one, work) for one in ceiling.tables), key=lambda one: one.net)
+    return max((leftover_in(one, work) for one in bound.tables), key=lambda one: one.net)
 
 
-def leftover_in(some: FunctionTable, work: Working) -> Leftover:
+def leftover_in(some: FunctionTable, work: CandidateModel) -> Leftover:
     """Find the functions of a table that still gain beside a model."""
     overlap, above = some.beside(work), 0.0
     while len(overlap.chosen) < SETTINGS.tried:
@@ -241,10 +241,10 @@ def leftover_in(some: FunctionTable, work: Working) -> Leftover:
 
 
 def _best(overlap: Overlap) -> tuple[int, float] | None:
-    """The next functions, with their gain above its price."""
+    """The next functions, with their gain above its threshold."""
     gains = overlap.gains()
     scored = [
-        (gain - chi2.isf(SETTINGS.alpha / overlap.ceiling.rivals, max(seen, 1)), gain, k)
+        (gain - chi2.isf(SETTINGS.alpha / overlap.bound.rivals, max(seen, 1)), gain, k)
         for k, (gain, seen) in enumerate(gains)
         if k not in overlap.chosen
     ]
@@ -253,18 +253,18 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
             return None
         table = overlap.table(k)
         every = np.arange(len(table.total) - 1)
-        own = len(every) - overlap.ceiling.groups[k].count
+        own = len(every) - overlap.bound.groups[k].count
         if held_out_gain(table, every[:own], every[own:], gain).sum() > 0.5**2 * gain:
             return k, net
     return None
 
 
-def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
+def _summary(overlap: Overlap, work: CandidateModel, net: float) -> Leftover:
     """What the functions taken explain, as all rows would show it."""
-    table, ceiling = overlap.table(), overlap.ceiling
-    times = 1.0 / ceiling.share
-    known_load = ceiling.problem.known_load
-    groups = [ceiling.groups[k] for k in overlap.chosen]
+    table, bound = overlap.table(), overlap.bound
+    times = 1.0 / bound.share
+    known_load = bound.problem.known_load
+    groups = [bound.groups[k] for k in overlap.chosen]
     ends = len(overlap.owners) + np.cumsum([0, *(group.count for group in groups)])
     at = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
     own, none = np.arange(len(overlap.owners)), np.empty(0, dtype=np.intp)
@@ -277,32 +277,32 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     named = np.isin(overlap.owners, [effect.name for effect in work.named])
     by_names = table.gain(np.flatnonzero(named), np.flatnonzero(~named))
     share = net / max(net + by_names, TINY)
-    survives = _survival(overlap, work, set(carried))
-    return Leftover(tuple(groups), times * gain, times * net, share, carried, survives)
+    retained = _retained(overlap, work, set(carried))
+    return Leftover(tuple(groups), times * gain, times * net, share, carried, retained)
 
 
-def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
+def _retained(overlap: Overlap, work: CandidateModel, carriers: set[str]) -> dict[str, float]:
     """Gain of each named effect beside the functions taken and all of a channel that carries them,
     over its gain without them.
 
     Orders of the motor's angle do not stand against a ripple of it, which they are.
     """
-    ceiling, own = overlap.ceiling, np.arange(len(overlap.owners))
-    load = ceiling.problem.known_load
-    alone = [k for k, group in enumerate(ceiling.groups) if len(group.channels) == 1]
-    carrying = [k for k in alone if channel_told(ceiling.groups[k].channels[0], load) in carriers]
+    bound, own = overlap.bound, np.arange(len(overlap.owners))
+    load = bound.problem.known_load
+    alone = [k for k, group in enumerate(bound.groups) if len(group.channels) == 1]
+    carrying = [k for k in alone if channel_told(bound.groups[k].channels[0], load) in carriers]
     beside = [k for k in carrying if k not in overlap.chosen]
     table = overlap.table(*beside)
-    taken = [ceiling.groups[k] for k in (*overlap.chosen, *beside)]
+    taken = [bound.groups[k] for k in (*overlap.chosen, *beside)]
     everything = np.arange(len(own), len(table.total) - 1)
     turns = [group.channels == (ROUND,) for group in taken for _ in range(group.count)]
     apart = everything[~np.array(turns, dtype=bool)]
-    survives, owners = {}, overlap.owners
+    retained, owners = {}, overlap.owners
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
         turning = effect.ripple and "motor_position" in effect.reads
-        survives[effect.name] = kept(table, mine, others, apart if turning else everything)
-    return survives
+        retained[effect.name] = kept(table, mine, others, apart if turning else everything)
+    return retained
 
 
 def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:

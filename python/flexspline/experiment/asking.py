@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Part
-    from flexspline.regression.candidate_model import Working
+    from flexspline.regression.candidate_model import CandidateModel
 
 __all__ = ["next_experiment"]
 
@@ -139,11 +139,11 @@ def _effect(given: object, own: Mapping[str, Effect]) -> Effect:
 
 def _prepared(
     part: Part, rivals: Sequence[Effect], logs: Sequence[Log], lowpass: float | None
-) -> tuple[Problem, Working]:
+) -> tuple[Problem, CandidateModel]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
     from flexspline.least_squares.problem import problem_of
     from flexspline.logs.derive import with_motion
-    from flexspline.regression.candidate_model import working
+    from flexspline.regression.candidate_model import candidate_model_of
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")
@@ -156,5 +156,5 @@ def _prepared(
         threads=1,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
-    work = working(part.effects, len(part.effects), {})
+    work = candidate_model_of(part.effects, len(part.effects), {})
     return replace(problem, runs=runs), replace(work, coefficients=part.coefficients.copy())

@@ -66,7 +66,7 @@ from flexspline.least_squares.problem import Problem, Run
 from flexspline.logs.local_fit import WIDEST
 from flexspline.logs.log import Log
 from flexspline.parallel import in_order
-from flexspline.regression.candidate_model import Working
+from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import SINGULAR, Columns, Whitening, left_by
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7)  # of all rows, that are slower than a
 
 def planned(
     problem: Problem,
-    work: Working,
+    work: CandidateModel,
     whitening: Whitening,
     pairs: Sequence[tuple[str, Effect]],
     fit: Fit | None,
@@ -272,7 +272,7 @@ def _bench(
 
 
 def _rivalry(
-    problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
+    problem: Problem, work: CandidateModel, whitening: Whitening, named: str, rival: Effect
 ) -> Rivalry:
     from flexspline.least_squares.options import SHARED
     from flexspline.regression.candidate_model import refitted, shaped
@@ -405,7 +405,7 @@ class Rivalry:
     named: str
     rival: str
     variants: tuple[Effect, ...]
-    fitted: Working | None
+    fitted: CandidateModel | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -447,7 +447,7 @@ class Question:
 class Layout:
     """All columns that the questions need: of the model, of rivals' variants, of fitted rivals."""
 
-    work: Working
+    work: CandidateModel
     rivalries: tuple[Rivalry, ...]
     questions: tuple[Question, ...]
 
@@ -473,7 +473,7 @@ class Layout:
 
     def columns(self, problem: Problem, number: int) -> Array:
         """Columns (N, C) of a run."""
-        parts = [self.work.sheet(beside=self.variants).rows(problem, number)[0]]
+        parts = [self.work.assembly(beside=self.variants).rows(problem, number)[0]]
         for rivalry in self.rivalries:
             if rivalry.fitted is not None:
                 rows, _ = rivalry.fitted.rows(problem, number)
@@ -482,7 +482,7 @@ class Layout:
 
 
 def layout_of(
-    work: Working, rivalries: Sequence[Rivalry], parameters: Sequence[tuple[str, str]]
+    work: CandidateModel, rivalries: Sequence[Rivalry], parameters: Sequence[tuple[str, str]]
 ) -> Layout:
     """Lay out the columns of a model, of rivals of its effects, and of parameters (name, unit)."""
     bare = Layout(work, tuple(rivalries), ())
@@ -504,7 +504,9 @@ def layout_of(
     return replace(bare, questions=(*pairs, *known))
 
 
-def _of_pair(work: Working, rivalry: Rivalry, forms: Sequence[Columns], count: int) -> Question:
+def _of_pair(
+    work: CandidateModel, rivalry: Rivalry, forms: Sequence[Columns], count: int
+) -> Question:
     """The fitted term of a named effect beside the model and each form of its rival."""
     owners = np.array(work.owners())
     model = np.flatnonzero(owners != rivalry.named)
@@ -515,7 +517,7 @@ def _of_pair(work: Working, rivalry: Rivalry, forms: Sequence[Columns], count: i
     return Question((rivalry.named, rivalry.rival), signal, model, beside, np.nan, "")
 
 
-def _of_parameter(work: Working, own: int, name: str, unit: str, count: int) -> Question:
+def _of_parameter(work: CandidateModel, own: int, name: str, unit: str, count: int) -> Question:
     """One column beside all others of the model."""
     signal = np.zeros(count)
     signal[own] = 1.0
@@ -569,7 +571,7 @@ def _piece(run: Run, first: int) -> Run:
     return Run(log, channels, run.target[first:last], tuple(kept), tuple(kept))
 
 
-def _owned(work: Working, name: str) -> list[int]:
+def _owned(work: CandidateModel, name: str) -> list[int]:
     return [k for k, owner in enumerate(work.owners()) if owner == name]
 
 
@@ -617,7 +619,7 @@ class Trust:
         )
 
 
-def trust_of(problem: Problem, work: Working, whitening: Whitening) -> Trust:
+def trust_of(problem: Problem, work: CandidateModel, whitening: Whitening) -> Trust:
     """Compare what a model leaves at each speed with what it leaves overall."""
     squares, speeds = [], []
     for number, run in enumerate(problem.runs):

@@ -44,7 +44,7 @@ from flexspline.least_squares.problem import Problem, Run, kept_rows, problem_of
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
-from flexspline.regression.candidate_model import Working, started, working
+from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started
 from flexspline.regression.gram import Whitening
 from flexspline.signals import channels_for, core_channels, gear_of
 
@@ -609,7 +609,7 @@ def _temperature_words(temperatures: Sequence[Range]) -> str:
 class Motor:
     """The drive's equation, fitted to the motor torque of the recorded runs."""
 
-    work: Working
+    work: CandidateModel
     known_load: str | None
 
     def torque(self, log: Log) -> Array:
@@ -641,7 +641,9 @@ def motor_of(logs: Sequence[Log], known_load: str | None) -> Motor:
         threads=1,
     )
     plain = Whitening(np.ones(1), 1.0, 1)
-    return Motor(started(problem, working(effects, len(effects), {}), plain)[0], known_load)
+    return Motor(
+        started(problem, candidate_model_of(effects, len(effects), {}), plain)[0], known_load
+    )
 
 
 def _geared(log: Log) -> Log:

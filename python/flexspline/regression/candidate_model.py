@@ -49,9 +49,9 @@ from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
+    ColumnAssembly,
     Given,
     Shares,
-    Sheet,
     Table,
     Whitening,
     edges_of,
@@ -61,9 +61,10 @@ from flexspline.regression.gram import (
 )
 
 __all__ = [
+    "CandidateModel",
     "Fold",
     "HeldOut",
-    "Working",
+    "candidate_model_of",
     "fall_of",
     "first_whitening",
     "held_out",
@@ -76,7 +77,6 @@ __all__ = [
     "shaped",
     "solved_at",
     "started",
-    "working",
 ]
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ READ = 1_000_000  # rows, about, that the likelihood reads of longer logs
 
 
 @dataclass(frozen=True, eq=False)
-class Working:
+class CandidateModel:
     """Effects with their shapes, and the coefficients of the last solve.
 
     `coefficients`: (P,). `held`: (P,) coefficients that are not fitted. `searched`: shapes that
@@ -152,7 +152,7 @@ class Working:
         shapes = [self.effects[s.effects[0]].name for s in self.searched]
         return [*self.effect_of[self.free].tolist(), *shapes]
 
-    def at(self, logarithms: Array) -> Working:
+    def at(self, logarithms: Array) -> CandidateModel:
         """Return the model with other shapes, within their bounds."""
         effects = self.effects
         for shape, value in zip(self.searched, np.exp(logarithms), strict=True):
@@ -160,36 +160,36 @@ class Working:
             effects = shape.set(effects, limited)
         return replace(self, effects=effects)
 
-    def having(self, effects: Sequence[Effect]) -> Working:
+    def having(self, effects: Sequence[Effect]) -> CandidateModel:
         """Return a model of other effects that keeps the coefficients of those in both."""
         old = dict(zip(coefficient_names(self.effects), self.coefficients, strict=True))
         lost = {e.name for e in self.effects} - {e.name for e in effects}
         fixed = {n: v for n, v in self.fixed.items() if n.split(".")[0] not in lost}
-        made = working(effects, self.base, fixed)
+        made = candidate_model_of(effects, self.base, fixed)
         values = [old.get(n, v) for n, v in zip(_names(effects), made.coefficients, strict=True)]
         kept = np.where(made.held, made.coefficients, values)
         return replace(made, coefficients=kept)
 
-    def without(self, *names: str) -> Working:
+    def without(self, *names: str) -> CandidateModel:
         """Return the model without some of its effects."""
         base = sum(effect.name not in names for effect in self.effects[: self.base])
         return replace(self, base=base).having([e for e in self.effects if e.name not in names])
 
-    def with_effects(self, *effects: Effect) -> Working:
+    def with_effects(self, *effects: Effect) -> CandidateModel:
         """Return the model with more effects behind its own."""
         return self.having([*self.effects, *effects])
 
-    def holding(self, name: str, value: float) -> Working:
+    def holding(self, name: str, value: float) -> CandidateModel:
         """Return the model with one coefficient more that is not fitted."""
         return replace(self, fixed={**self.fixed, name: value}).having(self.effects)
 
-    def sheet(
+    def assembly(
         self,
         *,
         bends: bool = True,
         beside: Sequence[Effect] = (),
         given: Given | None = None,
-    ) -> Sheet:
+    ) -> ColumnAssembly:
         """Columns of free coefficients and searched shapes, (F + S), and of what is beside them.
 
         `beside`: effects whose load is the model's own inertia and gravity. The target is what the
@@ -204,7 +204,7 @@ class Working:
         first = sum(len(effect.terms) for effect in parts)
         count = sum(len(effect.terms) for effect in beside)
         padding = np.zeros(first + count - own)
-        return Sheet(
+        return ColumnAssembly(
             (*parts, *beside),
             np.concatenate([self.coefficients, padding]),
             (
@@ -216,7 +216,7 @@ class Working:
             given,
         )
 
-    def opened(self) -> tuple[Sheet, Array]:
+    def opened(self) -> tuple[ColumnAssembly, Array]:
         """Columns of free coefficients, and of all that the shapes' columns are mixed from.
 
         Returns
@@ -234,13 +234,13 @@ class Working:
                 slope[number, term] = sign
                 slopes.append(slope)
         padding = np.zeros(len(slopes))
-        sheet = Sheet(
+        assembly = ColumnAssembly(
             (*self.effects, *moved),
             np.concatenate([self.coefficients, padding]),
             tuple([(int(k), 1.0)] for k in (*self.free, *range(first, first + len(slopes)))),
             np.concatenate([np.where(self.held, self.coefficients, 0.0), padding]),
         )
-        return sheet, np.array(slopes)
+        return assembly, np.array(slopes)
 
     @property
     def reads_load(self) -> bool:
@@ -248,8 +248,8 @@ class Working:
         return any("load" in effect.reads for effect in self.effects)
 
     def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
-        """Columns (N, F + S) of a whole run, see `sheet`; and the target, (N,)."""
-        return self.sheet(bends=bends).rows(problem, number)
+        """Columns (N, F + S) of a whole run, see `assembly`; and the target, (N,)."""
+        return self.assembly(bends=bends).rows(problem, number)
 
     def predict(self, problem: Problem, number: int) -> Array:
         """Rows times coefficients of a run, (N,)."""
@@ -279,7 +279,9 @@ class Working:
         return moved, terms, signs
 
 
-def working(effects: Sequence[Effect], base: int, fixed: Mapping[str, float]) -> Working:
+def candidate_model_of(
+    effects: Sequence[Effect], base: int, fixed: Mapping[str, float]
+) -> CandidateModel:
     """Return the model of effects with zero coefficients, but those that are `fixed` by name."""
     effects, names, shapes = tuple(effects), _names(effects), shapes_of(effects)
     known = [shape.name for shape in shapes]
@@ -294,7 +296,7 @@ def working(effects: Sequence[Effect], base: int, fixed: Mapping[str, float]) ->
         at = resolve(name, names, "fixed", known)
         values[at], held[at] = value, True
     searched = tuple(s for s in shapes if s.name not in fixed_shapes)
-    return Working(effects, values, held, searched, base, fixed)
+    return CandidateModel(effects, values, held, searched, base, fixed)
 
 
 def _names(effects: Sequence[Effect]) -> list[str]:
@@ -302,8 +304,11 @@ def _names(effects: Sequence[Effect]) -> list[str]:
 
 
 def started(
-    problem: Problem, work: Working, whitening: Whitening, numbers: Sequence[int] | None = None
-) -> tuple[Working, float]:
+    problem: Problem,
+    work: CandidateModel,
+    whitening: Whitening,
+    numbers: Sequence[int] | None = None,
+) -> tuple[CandidateModel, float]:
     """Return the model at its optimum, from the best point of a scan along each shape in turn.
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
@@ -395,7 +400,9 @@ def _size(values: Array, unit: str) -> float:
     return float(max(high - low, 0.0)) / 2.0
 
 
-def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
+def refitted(
+    problem: Problem, work: CandidateModel, whitening: Whitening
+) -> tuple[CandidateModel, float]:
     """Return the model at its optimum, and its squares over σ².
 
     A shape is moved along the tangent as far as that lowers the squares; one that stands at its
@@ -422,8 +429,8 @@ def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wor
 
 
 def coefficients_of(
-    problem: Problem, work: Working, whitening: Whitening
-) -> tuple[Working, float, Array]:
+    problem: Problem, work: CandidateModel, whitening: Whitening
+) -> tuple[CandidateModel, float, Array]:
     """Solve for the coefficients at these shapes.
 
     Returns
@@ -436,8 +443,8 @@ def coefficients_of(
         return *solved_at(problem, work, whitening), np.zeros(0)
     if work.reads_load:
         work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
-    sheet, slopes = work.opened()
-    total = tabulated(problem, sheet, whitening).total
+    assembly, slopes = work.opened()
+    total = tabulated(problem, assembly, whitening).total
     work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
@@ -465,20 +472,20 @@ def mixed(total: Array, weights: Array) -> Array:
 
 
 def solved_at(
-    problem: Problem, work: Working, whitening: Whitening, rounds: int = LOAD_ROUNDS
-) -> tuple[Working, float]:
+    problem: Problem, work: CandidateModel, whitening: Whitening, rounds: int = LOAD_ROUNDS
+) -> tuple[CandidateModel, float]:
     """Return the model with its coefficients at these shapes, and the squares over σ²."""
     squares = 0.0
     for _ in range(rounds):
         before = work
-        total = tabulated(problem, work.sheet(bends=False), whitening).total
+        total = tabulated(problem, work.assembly(bends=False), whitening).total
         work, squares = _solved(work, total)
         if _stands(before, work):
             break
     return work, squares
 
 
-def _solved(work: Working, total: Array) -> tuple[Working, float]:
+def _solved(work: CandidateModel, total: Array) -> tuple[CandidateModel, float]:
     """Solve for the free coefficients, whose columns come first, the target last."""
     linear = np.arange(len(work.free))
     beta = solved(total, linear)
@@ -487,7 +494,7 @@ def _solved(work: Working, total: Array) -> tuple[Working, float]:
     return replace(work, coefficients=values), float(total[-1, -1] - total[linear, -1] @ beta)
 
 
-def _stands(before: Working, after: Working) -> bool:
+def _stands(before: CandidateModel, after: CandidateModel) -> bool:
     """Whether the load that rows read is the same by both sets of coefficients."""
     if not after.reads_load:
         return True
@@ -511,20 +518,20 @@ class Fold:
 class HeldOut:
     """Fits to all folds but one, and what they leave of that one.
 
-    `betas`: coefficients (C,) of the columns of `sheet` without each fold. `squares`: what is left
-    over σ² once filtered as the noise is, in χ².
+    `betas`: coefficients (C,) of the columns of `assembly` without each fold. `squares`: what is
+    left over σ² once filtered as the noise is, in χ².
     """
 
     problem: Problem
-    work: Working
-    sheet: Sheet
+    work: CandidateModel
+    assembly: ColumnAssembly
     betas: tuple[Array, ...]
     squares: float
 
     @cached_property
     def residuals(self) -> tuple[Array, ...]:
         """(N,) of each run, NaN where a row does not count."""
-        return tuple(self.sheet.left_over(self.problem, self.betas))
+        return tuple(self.assembly.left_over(self.problem, self.betas))
 
     @cached_property
     def folds(self) -> tuple[Fold, ...]:
@@ -538,7 +545,7 @@ class HeldOut:
 
 
 def held_out(
-    problem: Problem, work: Working, whitening: Whitening, beside: Given | None = None
+    problem: Problem, work: CandidateModel, whitening: Whitening, beside: Given | None = None
 ) -> HeldOut:
     """Leave out one fold after the other and fit the coefficients to the rest; shapes stay.
 
@@ -547,15 +554,15 @@ def held_out(
     functions beside a model would go anywhere in places that few rows of the rest have seen: they
     are shrunk (`_ridge`).
     """
-    sheet = work.sheet(bends=False, given=beside)
-    table = tabulated(problem, sheet, whitening)
+    assembly = work.assembly(bends=False, given=beside)
+    table = tabulated(problem, assembly, whitening)
     every = np.arange(len(table.total) - 1)
     ridge = _ridge(table, len(work.free))
     given = {effect.name for effect in work.effects[: work.base]}
     base = sum(owner in given for owner in work.owners()[: len(work.free)])
     betas = tuple(solved(table.total - fold + ridge, every, base) for fold in table.folds)
     squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
-    return HeldOut(problem, work, sheet, betas, squares)
+    return HeldOut(problem, work, assembly, betas, squares)
 
 
 def _ridge(table: Table, own: int) -> Array:
@@ -578,7 +585,7 @@ def _squares(products: Array, beta: Array) -> float:
     return float(both @ products @ both)
 
 
-def plain_rows(problem: Problem, work: Working) -> Whitening:
+def plain_rows(problem: Problem, work: CandidateModel) -> Whitening:
     """Rows as `fit` takes them, for what users see; σ² is what this model leaves."""
     rows = Whitening(np.ones(1), 1.0, problem.decimation)
     _, squares = solved_at(problem, work, rows)
@@ -587,7 +594,7 @@ def plain_rows(problem: Problem, work: Working) -> Whitening:
     return replace(rows, variance=max(squares, SINGULAR**2 * whole, TINY) / max(count, 1))
 
 
-def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:
+def _folds(problem: Problem, work: CandidateModel, betas: Sequence[Array]) -> Iterator[Fold]:
     """Each fold with all coefficients of the model that never saw it."""
     count, solutions = len(work.free), iter(betas)
     for number in range(len(problem.runs)):
@@ -642,12 +649,12 @@ def fall_of(before: Sequence[Array], after: Sequence[Array], rows: int) -> tuple
     return total / max(count, 1), chance / max(count, 1)
 
 
-def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
+def first_whitening(problem: Problem, assembly: ColumnAssembly) -> Whitening:
     """Noise of what all columns leave of the target."""
     plain = Whitening(np.ones(1), 1.0, problem.decimation)
-    table = tabulated(problem, sheet, plain)
-    beta = solved(table.total, np.arange(sheet.width))
-    residuals = sheet.left_over(problem, [beta] * len(table.folds))
+    table = tabulated(problem, assembly, plain)
+    beta = solved(table.total, np.arange(assembly.width))
+    residuals = assembly.left_over(problem, [beta] * len(table.folds))
     return _above_rounding(problem, _rough_whitening(residuals, problem.runs, problem.decimation))
 
 
@@ -678,7 +685,9 @@ def _rough_whitening(
     return Whitening(best[1], float(best[2]), decimation)
 
 
-def restricted_whitening(problem: Problem, work: Working, beside: Given | None = None) -> Whitening:
+def restricted_whitening(
+    problem: Problem, work: CandidateModel, beside: Given | None = None
+) -> Whitening:
     """Noise beside a model and a flexible basis, what both swallow of it accounted for.
 
     It starts from the residual of plain least squares beside all of them: from the model's own
@@ -686,16 +695,16 @@ def restricted_whitening(problem: Problem, work: Working, beside: Given | None =
     where the target was low-passed: what the functions leave there is a narrow band, whose inverse
     lifts what the low pass has left above its cut-off over all else.
     """
-    sheet = work.sheet(given=beside)
+    assembly = work.assembly(given=beside)
     plain = Whitening(np.ones(1), 1.0, problem.decimation)
-    solved_beside = sheet if problem.lowpass is None else work.sheet()
-    beta = np.zeros(sheet.width)
+    solved_beside = assembly if problem.lowpass is None else work.assembly()
+    beta = np.zeros(assembly.width)
     own = np.arange(solved_beside.width)
     table = tabulated(problem, solved_beside, plain)
     beta[own] = solved(table.total, own)
 
     def chunks() -> Iterator[Chunk]:
-        for starts, made in sheet.pieces(problem):
+        for starts, made in assembly.pieces(problem):
             begun = np.zeros(len(made), dtype=bool)
             begun[0] = starts
             yield Chunk(made[:, :-1], made[:, -1] - made[:, :-1] @ beta, begun, None)
@@ -712,7 +721,7 @@ def restricted_whitening(problem: Problem, work: Working, beside: Given | None =
     made = Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
     length = float(np.median([run.counted for run in problem.runs])) / problem.decimation
     if noise.memory > 0.5 * length:
-        residuals = sheet.left_over(problem, [beta] * len(table.folds))
+        residuals = assembly.left_over(problem, [beta] * len(table.folds))
         made = _rough_whitening(residuals, problem.runs, problem.decimation, WHITE)
     return _above_rounding(problem, made)
 

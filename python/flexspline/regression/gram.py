@@ -47,10 +47,10 @@ from flexspline.parallel import in_order
 __all__ = [
     "SINGULAR",
     "TINY",
+    "ColumnAssembly",
     "Columns",
     "Given",
     "Shares",
-    "Sheet",
     "Stretch",
     "Table",
     "Whitening",
@@ -208,7 +208,7 @@ class Given(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class ColumnAssembly:
     """Columns of all runs.
 
     `effects`: whose rows are parts, (E,) of them. `load`: coefficients of these rows, of which the
@@ -524,17 +524,17 @@ def left_of(
     `load`: coefficients of which the load is made. NaN where a row does not count.
     """
     folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
-    return Sheet(effects, load, (), values).left_over(problem, [np.empty(0)] * folds)
+    return ColumnAssembly(effects, load, (), values).left_over(problem, [np.empty(0)] * folds)
 
 
-def tabulated(problem: Problem, sheet: Sheet, whitening: Whitening) -> Table:
+def tabulated(problem: Problem, assembly: ColumnAssembly, whitening: Whitening) -> Table:
     """Add up the products of the columns of a sheet and the target."""
-    if sheet.even(problem):
-        folds = sheet.products(problem, whitening)
+    if assembly.even(problem):
+        folds = assembly.products(problem, whitening)
         return Table(folds / whitening.variance, _rows_of_folds(problem, whitening))
     products = []
     for number, run in enumerate(problem.runs):
-        made, at = whitening(np.column_stack(sheet.rows(problem, number)), run)
+        made, at = whitening(np.column_stack(assembly.rows(problem, number)), run)
         blocks = fold_blocks(problem, number, at)
         plain = np.asfortranarray(made[:, :-1])
         high, _ = _core.accumulate_rows(plain, made[:, -1], blocks, None, False, problem.threads)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from flexspline.discovery.search import study_of
-from flexspline.regression.candidate_model import started, working
+from flexspline.discovery.search import search_context_of
+from flexspline.regression.candidate_model import candidate_model_of, started
 from flexspline.regression.gram import Whitening
 from hidden.made import Made
 from hidden.rig import LOAD, Array
@@ -41,17 +41,18 @@ class Columns:
 
 def columns_of(made: Made, target: str, excluded: tuple[str, ...]) -> Columns:
     """Return the columns of every candidate in each of its forms."""
-    study = study_of(made.base, made.logs, target, known_load=LOAD, lowpass_hz=None, threads=1,
-                     exclude=excluded)  # fmt: skip
+    context = search_context_of(
+        made.base, made.logs, target, known_load=LOAD, lowpass_hz=None, threads=1, exclude=excluded
+    )
     plain = Whitening(np.ones(1), 1.0, 1)
-    work, _ = started(study.problem, working(made.base, len(made.base), {}), plain)
-    study.scan(work)
-    wanted = [e for c in study.candidates(work.effects) for e in c.effects]
+    work, _ = started(context.problem, candidate_model_of(made.base, len(made.base), {}), plain)
+    context.scan(work)
+    wanted = [e for c in context.candidates(work.effects) for e in c.effects]
     wanted = list(dict.fromkeys(wanted))
     owners = [e.name for e in wanted for _ in e.terms]
     base, beside, y = [], [], []
     for number in range(len(made.logs)):
-        rows, left = work.sheet(beside=wanted).rows(study.problem, number)
+        rows, left = work.assembly(beside=wanted).rows(context.problem, number)
         count = len(work.owners())
         base.append(rows[:, :count])
         beside.append(rows[:, count:])
