@@ -181,7 +181,7 @@ def test_functions_that_hold_a_name_speak_against_it_only_where_enough_is_unexpl
     assert confidence(2e4, 60.0, 1.0, 2.0 * enough, 0) > 0.9
 
 
-@pytest.mark.parametrize("survives", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("retained", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("left", [0.0, 990.0, 2000.0, 9000.0, 58000.0])
 def test_what_functions_take_from_a_confidence_is_said_beside_it(
     retained: float, left: float

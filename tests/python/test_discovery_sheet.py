@@ -275,17 +275,17 @@ def test_functions_without_a_name_are_made_in_pieces(
 HERE = Path(__file__).parent
 MEMORY = """
 import resource
-from test_discovery_sheet import everything, log, study
+from test_discovery_sheet import context, everything, log
 from flexspline.regression.gram import tabulated
 from flexspline.regression.gram import Whitening
 import numpy as np
 
-made = study([log(1, {rows})])
-sheet = everything(made)
+made = context([log(1, {rows})])
+assembly = everything(made)
 whitening = Whitening(np.array([1.0, -0.6]), 1.0, 1)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-tabulated(made.problem, sheet, whitening)
-print(sheet.width, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+tabulated(made.problem, assembly, whitening)
+print(assembly.width, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 """
 
 
