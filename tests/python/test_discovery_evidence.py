@@ -1,4 +1,4 @@
-"""Evidence and its price: what chance gains, and where signs are known."""
+"""Evidence and its threshold: what chance gains, and where signs are known."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 
+from elsewhere_effects import tried as elsewhere
 from hidden.cases import cases
 from hidden.trial import Outcome, tried
 
@@ -22,7 +23,9 @@ from flexspline.effects import effect
 from flexspline.regression.gram import Table
 
 
-def test_the_best_of_many_candidates_in_many_forms_reaches_its_price_as_often_as_is_said() -> None:
+def test_the_best_of_many_candidates_in_many_forms_passes_its_threshold_as_often_as_said() -> (
+    None
+):
     """Of 20 candidates in 3 forms, under nothing but chance, each form independent: the worst."""
     paid = threshold(2, 3.0, 20)
     drawn = np.random.default_rng(3).chisquare(2, size=(20_000, 60)).max(axis=1)
@@ -116,3 +119,15 @@ def test_a_plainer_rival_that_only_the_folds_do_not_tell_is_an_alias_and_no_bett
     made = small(262, 42)
     assert made.names[0] == "sensor_lag"
     assert "load_dependent_friction" in made.aliases[0]
+
+
+def test_of_equal_names_the_one_with_fewer_numbers_is_given() -> None:
+    """A resonance takes the place of a wave generator's ripple until both orders are known."""
+    made = small(154, 103)
+    assert made.names == ("wave_generator_ripple", "cogging"), made
+
+
+def test_two_names_take_the_place_of_one_that_stood_for_both() -> None:
+    """Viscous and Stribeck friction are near one bent viscous friction."""
+    made = elsewhere(389)
+    assert made.right and {*made.names} == {"viscous_friction", "stribeck_friction"}, made

@@ -183,9 +183,9 @@ def _refitted(
 class Analysis:
     """Base and final model, the search that led there, and what is left.
 
-    `part`: the study of the rows on which orders and noise are looked at; all, where they are few.
-    `rejected`: names that were spurious, as the flexible basis tells. `generalised`: whether the
-    model is fitted by generalised least squares.
+    `part`: the context of the rows on which orders and noise are looked at; all, where they are
+    few. `rejected`: names that were spurious, as the flexible basis tells. `generalised`: whether
+    the model is fitted by generalised least squares.
     """
 
     context: SearchContext
@@ -284,7 +284,7 @@ class Analysis:
 class FirstLook:
     """What is known before names are looked for: the base, orders in what it leaves, the noise.
 
-    `whole`, `part`: the study of all rows, and of those on which orders and noise are looked at.
+    `whole`, `part`: the context of all rows, and of those on which orders and noise are looked at.
     """
 
     whole: SearchContext
@@ -404,7 +404,7 @@ def _without_spurious(
 
 
 def _less(searcher: Searcher, work: CandidateModel, name: str) -> CandidateModel:
-    """The model without a name, and without those below their threshold then."""
+    """The model less one effect, and less the names that are below their threshold then."""
     return searcher.pruned(searcher.fitted(searcher.less(work, name))[0])
 
 
@@ -526,7 +526,7 @@ def _spurious(
     at_first: float,
     small: Sequence[str] | None,
 ) -> str | None:
-    """The named effect that most clearly stands in for something else, if one does.
+    """The named effect that is most clearly spurious, if one is.
 
     That is one of which functions of a flexible basis hold most, where they still explain a small
     part of it; or one beside which they explain far more. Where names explain nearly all, only

@@ -275,7 +275,7 @@ class Discovery(Rendered):
     dependences : channels that are nearly a function of another in these runs.
     by : "regression" of the target; or "simulation": all errors are of the output's angle, rad.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
-        were not taken. `doubted`: names that only stood in for an unexplained cause.
+        were not taken. `doubted`: spurious names, of an unexplained cause.
     """
 
     _kind: ClassVar = "discovery"

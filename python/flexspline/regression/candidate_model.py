@@ -221,8 +221,8 @@ class CandidateModel:
 
         Returns
         -------
-        The sheet, (F + M) columns; and slopes (M, S, P): times the coefficients (P,), they are the
-        weights of the M columns in those of the S shapes.
+        The assembly, (F + M) columns; and slopes (M, S, P): times the coefficients (P,), they are
+        the weights of the M columns in those of the S shapes.
         """
         first = sum(len(effect.terms) for effect in self.effects)
         moved, slopes = list[Effect](), list[Array]()

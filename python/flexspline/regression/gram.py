@@ -528,7 +528,7 @@ def left_of(
 
 
 def tabulated(problem: Problem, assembly: ColumnAssembly, whitening: Whitening) -> Table:
-    """Add up the products of the columns of a sheet and the target."""
+    """Add up the products of the columns of an assembly and the target."""
     if assembly.even(problem):
         folds = assembly.products(problem, whitening)
         return Table(folds / whitening.variance, _rows_of_folds(problem, whitening))
