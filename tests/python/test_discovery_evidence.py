@@ -23,9 +23,7 @@ from flexspline.effects import effect
 from flexspline.regression.gram import Table
 
 
-def test_the_best_of_many_candidates_in_many_forms_passes_its_threshold_as_often_as_said() -> (
-    None
-):
+def test_the_best_of_many_candidates_in_many_forms_passes_its_threshold_as_often_as_said() -> None:
     """Of 20 candidates in 3 forms, under nothing but chance, each form independent: the worst."""
     paid = threshold(2, 3.0, 20)
     drawn = np.random.default_rng(3).chisquare(2, size=(20_000, 60)).max(axis=1)
