@@ -271,6 +271,11 @@ class Analysis:
         """As `unexplained_by`, of the final model."""
         return unexplained_by(self.part, self.base, self.final, self.whitening, self.leftover)
 
+    def unexplained_beyond(self, given: str) -> float:
+        """As `unexplained`, where what an effect of the base closes counts as explained too."""
+        base, _ = self.searcher.fitted(self.base.without(given))
+        return unexplained_by(self.part, base, self.final, self.whitening, self.leftover)
+
     @property
     def searched(self) -> dict[str, float]:
         """Share of the rows that were searched first, for names and for what no name explains."""

@@ -469,7 +469,10 @@ def _on_one_clock(
     rest = lead_of(made)
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, as_read
-        made = recorded.analysed(others)
+        outdone = made.unexplained_beyond(LAG) > 0.5
+        made = made.in_runs(recorded.context(others)[0], LAG) if outdone else made
+        if not outdone or made.unexplained <= 0.5:
+            made = recorded.analysed(others)
     elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)
