@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from itertools import pairwise, product
 from types import SimpleNamespace
 
@@ -19,14 +20,18 @@ from flexspline.comparison.covariates import (
     labels_of,
     memory_of,
 )
+from flexspline.comparison.result import Comparison
 from flexspline.comparison.runs import predicted, rows_of
-from flexspline.comparison.search import ALPHA
+from flexspline.comparison.search import ALPHA, Step
 from flexspline.comparison.search import _bands as large_bands
+from flexspline.comparison.search import _told_apart as told_apart
+from flexspline.comparison.search import _winner as winner
 from flexspline.effects import effect
 from flexspline.logs import Log
 from flexspline.logs.derive import velocity_noise
 from flexspline.logs.segments import since_reversal
 from flexspline.model import Model, Part
+from flexspline.rigs.sensor import Recorder, sensor_rig
 
 CLEAN = 100
 WHERE = [
@@ -58,6 +63,49 @@ def test_what_is_hidden_changes_with_nothing_else() -> None:
     idle = rig.comparison("slow").makes_no_difference
     assert {"temperature", "load", "run", "time"} <= set(idle)
     assert "speed" not in idle
+
+
+@cache
+def of_the_demo() -> Comparison:
+    """Friction alone against a joint that has ripple, inertia and a drift too, in one motion."""
+    runs = sensor_rig(4, rate=200.0, recorder=Recorder()).logs
+    base = ["offset", "coulomb_friction", "viscous_friction"]
+    return flexspline.compare(flexspline.fit(base, runs, "sensor_torque").model, runs)
+
+
+def test_time_and_runs_are_said_where_nothing_else_does_nearly_as_well() -> None:
+    found = of_the_demo().follows
+    assert {one.name for one in found} == {
+        "position", "position_order", "speed", "acceleration", "temperature"
+    }  # fmt: skip
+    assert "time" in found[0].also
+
+
+def test_what_is_followed_is_neither_a_second_name_nor_said_to_be_unseen() -> None:
+    made = of_the_demo()
+    followed = {made.words.get(one.name, one.words) for one in made.follows}
+    said, _, second = made.sentences[1].partition("(time would locate it nearly as well)")
+    assert said and second
+    for words in followed:
+        assert words not in second
+        assert words not in made.makes_no_difference
+
+
+def test_what_explains_its_own_part_beside_a_step_is_no_second_name_of_it() -> None:
+    step = Step("speed", None, None, 1.0, 0.0, ("load", "time"), np.zeros(1), 0.0)
+    before, after = (
+        {"load": (0.8, 0.0), "time": (0.8, 0.0)},
+        {"load": (0.7, 0.0), "time": (0.1, 1.0)},
+    )
+    assert told_apart(step, before, after).also == ("time",)
+
+
+@pytest.mark.parametrize(("others", "name"), [(0.75, "position"), (0.65, "time"), (0.0, "time")])
+def test_a_proxy_yields_to_what_does_nearly_as_well(others: float, name: str) -> None:
+    gains = {"time": (1.0, 0.0), "position": (others, 0.0), "temperature": (0.72, 0.5)}
+    found, also = winner(gains, 1.0, 1.0, len(gains))
+    assert found == name
+    assert "temperature" in also  # in more cells, it is below its level by itself
 
 
 def test_nothing_hidden_is_down_at_the_noise_floor() -> None:

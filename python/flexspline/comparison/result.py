@@ -312,7 +312,8 @@ def sentences(made: Comparison) -> tuple[str, str]:
     if not made.follows:
         first = f"The gap {of} is {size} {made.unit} RMS, which is down at the noise floor."
         idle = _and(made.makes_no_difference[:MOST_IDLE], "or")
-        return first, f"Nothing in it follows {idle}." if idle else "No channel locates any of it."
+        unseen = f"Nothing in it is seen to follow {idle}."
+        return first, unseen if idle else "No channel locates any of it."
     first = f"The gap {of} is {size} {made.unit} RMS against a noise floor of {floor} {made.unit}."
     return first, _where(made)
 
@@ -366,14 +367,14 @@ def _where(made: Comparison) -> str:
         elif not any(v.startswith("is largest") for v in verbs):
             verbs.append(f"is largest {_and(largest)}")
     said = f"It {_and(verbs)}"
-    also = list(dict.fromkeys(w for f in told[:1] for w in f.also))
-    if also:
+    named = {_ONCE.get(f.name, f.words) for f in told}
+    others = ([w for w in f.also if w not in named] for f in told)
+    if also := next(filter(None, others), []):
         said += f" ({_and(also)} would locate it nearly as well)"
     idle = [w for w in made.makes_no_difference if w != "direction" or "direction" not in said]
     if not idle:
         return f"{said}."
-    verb = "make" if len(idle) > 1 else "makes"
-    return f"{said}; with that taken out, {_and(idle[:MOST_IDLE])} {verb} no difference."
+    return f"{said}; beyond that it is not seen to follow {_and(idle[:MOST_IDLE], 'or')}."
 
 
 def _is_band(f: Follows) -> bool:

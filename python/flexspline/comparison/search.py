@@ -103,6 +103,9 @@ PREFERENCE = (
 )
 """Of two that explain as much, the earlier one is said."""
 
+PROXIES = ("time", "run")
+"""Where a motion repeats, everything is nearly a function of these."""
+
 PER_CUTOFF = 2.5  # a low-passed residual has news this many times per period of the cutoff
 
 FOLDS = 8
@@ -229,6 +232,7 @@ def search(
     rest = rows.residual
     chances: dict[str, float] = {}
     gap = float(rest @ rest) / len(rest)
+    before: dict[str, tuple[float, float]] = {}
     for _ in range(MOST_STEPS):
         taken = {step.name for step in steps}
         free = [c for c in covariates if c.name not in taken]
@@ -239,6 +243,9 @@ def search(
             waves, amplitudes = turning.explained(rest)
             gains[ORDERS] = (_wave_gain(rest, waves, turning), turning.chance(amplitudes))
         chances = {name: chance for name, (_, chance) in gains.items()}
+        if steps:
+            steps[-1] = _told_apart(steps[-1], before, gains)
+        before = gains
         left = float(rest @ rest) / len(rest)
         simple = {n: g for n, g in gains.items() if TOGETHER not in n}
         name, also = _winner(simple, gap, left, len(gains))
@@ -259,22 +266,36 @@ def search(
     return Search(tuple(steps), rest, chances)
 
 
+def _told_apart(
+    step: Step, before: dict[str, tuple[float, float]], after: dict[str, tuple[float, float]]
+) -> Step:
+    """The step without what explains most of its own gain beside it too: that is no second name."""
+    same = [n for n in step.also if after[n][0] < 0.5 * before[n][0]]
+    return replace(step, also=tuple(same))
+
+
 def _winner(
     gains: dict[str, tuple[float, float]], gap: float, left: float, family: int
 ) -> tuple[str | None, tuple[str, ...]]:
-    """The simplest of the best gains that count, and what would do nearly as well."""
+    """The simplest of the best gains that count, and what would do nearly as well.
+
+    A proxy is the last to be said. What does nearly as well may be in more cells, and so below its
+    level.
+    """
     level = ALPHA / max(family, 1)
     sure = {n: g for n, (g, chance) in gains.items() if chance < level}
     best = max(sure.values(), default=0.0)
     if best <= OF_FLOOR * (left - best) or best < OF_GAP * gap:
         return None, ()
-    order = [n for n in PREFERENCE if n in sure] + [n for n in sure if n not in PREFERENCE]
-    name = next(n for n in order if sure[n] >= NEAR * best)
+    order = [n for n in PREFERENCE if n in gains] + [n for n in gains if n not in PREFERENCE]
+    known = max((g for n, g in sure.items() if n not in PROXIES), default=0.0)
+    enough = NEAR * (known if known >= ALSO * best else best)
+    name = next(n for n in order if sure.get(n, 0.0) >= enough)
     plain = max(0.0, *(sure.get(n, 0.0) for n in NESTED))
     if name in NESTED:
         return name, ()
     also = tuple(n for n in order if n != name and n not in NESTED and TOGETHER not in n
-                 and sure[n] - plain >= ALSO * (best - plain))  # fmt: skip
+                 and gains[n][0] - plain >= ALSO * (best - plain))  # fmt: skip
     return name, also
 
 

@@ -404,6 +404,18 @@ class _Recorded:
     def analysed(self, free: Sequence[str]) -> Analysis:
         return analysed(self.look(free), self.task.say)
 
+    def without_lag(self, made: Analysis, free: Sequence[str]) -> Analysis:
+        """The analysis beside a base that has no lag.
+
+        Where functions explain more than the lag and all names did, names are no answer and are
+        not looked for once more.
+        """
+        if made.unexplained_beyond(LAG) > 0.5:
+            same = made.in_runs(self.context(free)[0], LAG)
+            if same.unexplained > 0.5:
+                return same
+        return self.analysed(free)
+
     def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
         """The names that hold, in the model that is fitted to all rows that count."""
         task = self.task
@@ -469,10 +481,7 @@ def _on_one_clock(
     rest = lead_of(made)
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, as_read
-        outdone = made.unexplained_beyond(LAG) > 0.5
-        made = made.in_runs(recorded.context(others)[0], LAG) if outdone else made
-        if not outdone or made.unexplained <= 0.5:
-            made = recorded.analysed(others)
+        made = recorded.without_lag(made, others)
     elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)
