@@ -42,6 +42,7 @@ from flexspline.signals import target_of, torque_of_current
 
 __all__ = [
     "SIMULATED",
+    "SIMULATION_DELAY",
     "Remark",
     "Simulated",
     "SimulatedFile",
@@ -64,6 +65,9 @@ TARGETS = ("sensor_torque", "motor_torque", "motor_current")
 
 SIMULATED = "simulated_torque"
 """The channel of a run that holds what the simulation says, in the target's unit, at the output."""
+
+SIMULATION_DELAY = "simulation_delay"
+"""The fault of a run whose measured values are late behind the simulated ones, or ahead of them."""
 
 STEP = 0.005  # s, of the scan, as in the checks
 LEFT = 0.5
@@ -338,7 +342,7 @@ def late(log: Log, measured: Array, simulated: Array, what: str) -> Iterator[Fin
     seconds, error = found
     way = "late behind" if seconds > 0.0 else "ahead of"
     yield Finding(
-        "simulation_delay",
+        SIMULATION_DELAY,
         "fault",
         SIMULATED,
         (0, len(log)),

@@ -142,6 +142,20 @@ def test_a_delay_is_reported_and_not_taken_away(late: float) -> None:
     assert np.array_equal(taken.logs[0]["simulated_torque"], log["simulated_torque"])
 
 
+def test_a_late_simulation_is_one_fault_and_the_load_is_not_called_late() -> None:
+    """Beside its delay what it lacks is named, or said to be unexplained."""
+    logs = []
+    for log in runs(holds_load=True, late=-0.01):
+        load = log[LOAD] + np.random.default_rng(len(logs)).normal(0.0, 0.02, ROWS)
+        logs.append(log.with_columns({LOAD: load}, note="as a load cell reads it"))
+    found = flexspline.discover(
+        None, logs, target="sensor_torque", known_load=LOAD, simulated_torque="simulated_torque"
+    )
+    assert {fault.name for fault in found.data_faults} == {"simulation_delay"}
+    assert all("ahead of the simulated" in fault.sentence for fault in found.data_faults)
+    assert found.names == ("motor_crosstalk",) or (found.unexplained and not found.names)
+
+
 @pytest.mark.parametrize("lacks", ["nothing", "viscous", "coulomb", "load", "inertia"])
 def test_what_a_simulation_lacks_is_no_delay(lacks: str) -> None:
     for seed in range(1, 6):

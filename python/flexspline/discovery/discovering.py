@@ -65,7 +65,7 @@ from flexspline.progress import Progress
 from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started
 from flexspline.regression.gram import Whitening
 from flexspline.signals import require_apart
-from flexspline.simulator import SIMULATED, Simulated
+from flexspline.simulator import SIMULATED, SIMULATION_DELAY, Simulated
 
 __all__ = ["discover"]
 
@@ -207,7 +207,10 @@ def _by_regression(
     bandwidth: float | None,
     limits: Limits | None,
 ) -> Discovery:
-    """What the target of a regression lacks; `of_base`: what is wrong with the base."""
+    """What the target of a regression lacks; `of_base`: what is wrong with the base.
+
+    A simulation that is late looks like a load that is, so that this is not asked beside it.
+    """
     target, load = task.target, task.known_load
     recordings = only_experiments(runs, target)
     runs = [one.log for one in recordings]
@@ -223,7 +226,8 @@ def _by_regression(
     scatter = inputs[load].noise if load in inputs else 0.0
     task = replace(task, preparations=tuple(ways), scatter=scatter)
     free = freedoms(task.effects, target, load, runs, inputs)
-    free = tuple(name for name in free if name not in task.exclude)
+    taken = [LAG] if any(fault.name == SIMULATION_DELAY for fault in of_base) else []
+    free = tuple(name for name in free if name not in (*task.exclude, *taken))
     if load in inputs and inputs[load].noisy and (LAG in free or target == "torsion"):
         recorded, held, delay = _on_one_clock(runs, load, task, free)
         if delay:
