@@ -6,7 +6,7 @@ import os
 
 import click
 
-from flexspline.cli.options import FILE, on_terminal, out_file, refuse_overwriting
+from flexspline.cli.options import FILE, on_terminal, out_file, refuse_overwriting, whole_number
 from flexspline.cli.speech import found, say
 
 __all__ = [
@@ -54,26 +54,15 @@ def _processors() -> int:
 @click.command()
 @click.argument("paper", type=click.Choice(PAPERS))
 @out_file("DIR", "Folder for figures, tables and claims.")
-@click.option(
-    "--draws",
-    type=click.IntRange(1),
-    default=50,
-    show_default=True,
-    help="Rigs that differ in what the paper does not print.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=20261121,
-    show_default=True,
-    help="The same gives the same numbers.",
-)
-@click.option(
+@whole_number("--draws", 1, default=50, says="Rigs that differ in what the paper does not print.")
+@whole_number("--seed", 0, default=20261121, says="The same gives the same numbers.")
+@whole_number(
     "--threads",
-    type=click.IntRange(1, 1024),
+    1,
+    1024,
     default=_processors,
-    show_default="all processors",
-    help="Processes to draw with.",
+    shown="all processors",
+    says="Processes to draw with.",
 )
 def reproduce(paper: str, out: str, draws: int, seed: int, threads: int) -> None:
     """Do the papers again, and set each published claim beside ours.

@@ -18,6 +18,7 @@ from flexspline.cli.options import (
     Reading,
     Taught,
     bandwidth,
+    by_motion,
     controller,
     effects_by_target,
     exclude,
@@ -30,8 +31,8 @@ from flexspline.cli.options import (
     lowpass,
     model_file,
     model_joint,
-    named,
     named_effects,
+    named_values,
     of_a_fit,
     on_terminal,
     out_file,
@@ -173,25 +174,21 @@ def _numbers(text: str) -> tuple[float, ...]:
 @model_file("Or a model to start from, or an MJCF file or a URDF with a joint.")
 @model_joint
 @simulation
-@click.option(
-    "--by",
-    type=click.Choice(("regression", "simulation")),
-    default="regression",
-    show_default=True,
-    help="By simulation: what makes the simulated motion the measured one, where only motion "
-    "is measured.",
+@by_motion(
+    "By simulation: what makes the simulated motion the measured one, where only motion is "
+    "measured."
 )
 @fitted_controller
 @exclude
 @out_file("DIR", "Folder for what is found.")
 @of_a_fit
-@click.option(
+@named_values(
     "--limit",
     "limits",
-    multiple=True,
     metavar="NAME=VALUE",
-    callback=named("NAME=VALUE or NAME=LOWEST,HIGHEST", _numbers),
-    help="Of a run to record next: velocity, acceleration [rad/s, rad/s²], duration [s]; "
+    example="NAME=VALUE or NAME=LOWEST,HIGHEST",
+    parse=_numbers,
+    says="Of a run to record next: velocity, acceleration [rad/s, rad/s²], duration [s]; "
     "LOWEST,HIGHEST of position [rad], load [Nm], temperature [°C]. Can be repeated.",
 )
 @threads

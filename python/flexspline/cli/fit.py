@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,13 +16,15 @@ import click
 from flexspline.cli.options import (
     EFFECTS,
     FILE,
+    Command,
     Reading,
     Taught,
+    by_motion,
     effects_by_target,
     fitted_controller,
     loaded,
-    named,
     named_effects,
+    named_values,
     of_a_fit,
     on_terminal,
     out_file,
@@ -34,6 +36,7 @@ from flexspline.cli.options import (
     simulations,
     target,
     threads,
+    whole_number,
 )
 from flexspline.cli.speech import found, say
 from flexspline.effects import require_effects
@@ -209,35 +212,26 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
     "--into", metavar="MODEL.json", type=FILE, help="Add this part to a model of the same joint."
 )
 @of_a_fit
-@click.option(
+@named_values(
     "--bound",
-    multiple=True,
     metavar="NAME=LOW:HIGH",
-    callback=named("NAME=LOW:HIGH", _bound),
-    help="Limits of a parameter; either may be left out, as in viscous_friction=0:.",
+    parse=_bound,
+    says="Limits of a parameter; either may be left out, as in viscous_friction=0:.",
 )
-@click.option(
+@named_values(
     "--prior",
-    multiple=True,
     metavar="NAME=VALUE:ERROR",
-    callback=named("NAME=VALUE:ERROR", _prior),
-    help="A value known beforehand, with its standard error.",
+    parse=_prior,
+    says="A value known beforehand, with its standard error.",
 )
 @click.option("--robust", is_flag=True, help="Weigh down outliers and pushes (Huber).")
-@click.option(
-    "--by",
-    type=click.Choice(("regression", "simulation")),
-    default="regression",
-    show_default=True,
-    help="Fit the torque, or from there on the motion that it makes when simulated.",
-)
+@by_motion("Fit the torque, or from there on the motion that it makes when simulated.")
 @fitted_controller
-@click.option(
+@whole_number(
     "--starts",
-    type=click.IntRange(1),
+    1,
     default=8,
-    show_default=True,
-    help="By simulation: descents, from the regression, from pieces of the runs, and around.",
+    says="By simulation: descents, from the regression, from pieces of the runs, and around.",
 )
 @simulation
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
@@ -397,6 +391,13 @@ def _number_or_fit(ctx: click.Context, param: click.Parameter, text: str) -> flo
         raise click.BadParameter(f"'{text}' is no number and not '{FIT}'", ctx, param) from None
 
 
+def _known_or_fitted(name: str, metavar: str, says: str) -> Callable[[Command], Command]:
+    """An option that is a number, zero if not given, or the word that asks for a fit."""
+    return click.option(
+        name, default="0", show_default=True, metavar=metavar, callback=_number_or_fit, help=says
+    )
+
+
 def _thermistor(
     ctx: click.Context, param: click.Parameter, text: str | None
 ) -> dict[str, float] | None:
@@ -427,13 +428,13 @@ def _thermistor(
 @click.option(
     "--into", metavar="MODEL.json", type=FILE, help="Add the estimators to a model of this joint."
 )
-@click.option(
+@whole_number(
     "--degree",
-    type=click.IntRange(0, 6),
+    0,
+    6,
     default=2,
-    show_default=True,
     metavar="N",
-    help="Of the drift's polynomial in temperature; 0 leaves temperature out.",
+    says="Of the drift's polynomial in temperature; 0 leaves temperature out.",
 )
 @click.option(
     "--reference-temperature",
@@ -443,21 +444,9 @@ def _thermistor(
     metavar="T0",
     help="°C, where the compensation is zero.",
 )
-@click.option(
-    "--thermal-lag",
-    default="0",
-    show_default=True,
-    metavar="S|fit",
-    callback=_number_or_fit,
-    help="Lag of the elastic body behind the thermometer, s.",
-)
-@click.option(
-    "--gradient",
-    default="0",
-    show_default=True,
-    metavar="G|fit",
-    callback=_number_or_fit,
-    help="Nm per K that body and thermometer differ by; needs a lag.",
+@_known_or_fitted("--thermal-lag", "S|fit", "Lag of the elastic body behind the thermometer, s.")
+@_known_or_fitted(
+    "--gradient", "G|fit", "Nm per K that body and thermometer differ by; needs a lag."
 )
 @click.option(
     "--thermistor",

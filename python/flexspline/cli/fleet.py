@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,7 @@ from flexspline.cli.options import (
     FILE,
     RATE,
     TEXT,
+    Command,
     Reading,
     Taught,
     bandwidth,
@@ -32,8 +33,8 @@ from flexspline.cli.options import (
     loaded,
     lowpass,
     model_file,
-    named,
     named_effects,
+    named_values,
     of_a_fit,
     on_terminal,
     orders,
@@ -58,8 +59,6 @@ if TYPE_CHECKING:
 __all__ = ["fleet", "track"]
 
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
 FIT, DISCOVERY, COMPARISON = "fleet.json", "fleet_discovery.json", "fleet_comparison.json"
 TRACK = "fleet_track.json"
 REPORT = "report.html"
@@ -75,13 +74,13 @@ def _limit(text: str) -> float | str:
     return text if text.endswith("%") else value
 
 
-limits = click.option(
+limits = named_values(
     "--limit",
     "limits",
-    multiple=True,
     metavar="NAME=VALUE",
-    callback=named("NAME=VALUE or NAME=150%", _limit),
-    help="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
+    example="NAME=VALUE or NAME=150%",
+    parse=_limit,
+    says="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
     "gets there is told. Can be repeated.",
 )
 horizon = click.option(
@@ -331,27 +330,19 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --per-run offset --out months
       flexspline fleet fit robots --columns robot.toml --joint all --model joint.json --out all
     """
-    effects = _effects(names, model_path, target)
     own = tuple(name.strip() for name in per_run.split(",")) if per_run else ()
     if "" in own:
         raise InputError(f"--per-run '{per_run}': a name is missing; write NAME or NAME,NAME")
-    model = None if model_path is None else loaded(model_path, target)
-    sessions = _sessions(folders, out, options, (FIT, REPORT))
-    with whole_folder(out, last=FIT) as draft:
+    base = _base(names, model_path, target)
+
+    def asked(sessions: Sessions) -> _Answer:
         from flexspline.fleet import fit as fit_fleet
 
-        made = fit_fleet(
-            sessions,
-            target,
-            effects,
-            model=model,
-            pilot=pilot,
-            per_run=own,
-            **_of_the_fit(options),
-        )
+        made = fit_fleet(sessions, **base, pilot=pilot, per_run=own, **_of_the_fit(options))
         models = {unit.name: made.model(unit.name).to_json() for unit in made.units}
-        said = _write(made, draft / FIT, models)
-    _tell(made, said, FIT, f"{len(models)} pages and models", out)
+        return made, models, f"{len(models)} pages and models"
+
+    _answer(asked, FIT, folders, out, options)
 
 
 @fleet.command("discover", cls=Taught, sections=(effects_by_target, repairs))
@@ -384,24 +375,17 @@ def discover(
           --effects offset,coulomb_friction,viscous_friction --out line7_lacks
       flexspline fleet discover line7 --model joint.json --workers 2 --out line7_lacks
     """
-    effects = _effects(names, model_path, target)
     unwanted = excluded(exclude)
-    model = None if model_path is None else loaded(model_path, target)
-    sessions = _sessions(folders, out, options, (DISCOVERY, REPORT))
-    with whole_folder(out, last=DISCOVERY) as draft:
+    base = _base(names, model_path, target)
+
+    def asked(sessions: Sessions) -> _Answer:
         from flexspline.fleet import discover as look
 
-        made = look(
-            sessions,
-            target,
-            effects,
-            model=model,
-            exclude=unwanted,
-            **_of_the_fit(options),
-        )
+        made = look(sessions, **base, exclude=unwanted, **_of_the_fit(options))
         models = {unit.name: unit.model.to_json() for unit in made.units}
-        said = _write(made, draft / DISCOVERY, models)
-    _tell(made, said, DISCOVERY, f"{len(models)} pages and models", out)
+        return made, models, f"{len(models)} pages and models"
+
+    _answer(asked, DISCOVERY, folders, out, options)
 
 
 @fleet.command("compare", cls=Taught, sections=(repairs,))
@@ -427,8 +411,8 @@ def compare(
       flexspline fleet compare line7 --model line7_fit/units/{joint}.json --out line7_gap
     """
     model = _model(model_path, target)
-    sessions = _sessions(folders, out, options, (COMPARISON, REPORT))
-    with whole_folder(out, last=COMPARISON) as draft:
+
+    def asked(sessions: Sessions) -> _Answer:
         from flexspline.fleet import compare as compare_fleet
 
         made = compare_fleet(
@@ -440,8 +424,9 @@ def compare(
             speed_above=options["speed_above"],
             **_work(options),
         )
-        said = _write(made, draft / COMPARISON, {})
-    _tell(made, said, COMPARISON, f"{len(made.units)} pages", out)
+        return made, {}, f"{len(made.units)} pages"
+
+    _answer(asked, COMPARISON, folders, out, options)
 
 
 @fleet.command("track", cls=Taught, sections=(effects_by_target, repairs))
@@ -476,25 +461,18 @@ def track_joints(
           --effects offset,coulomb_friction,viscous_friction --out line7_wear
       flexspline fleet track line7 --model joint.json --limit coulomb_friction=150% --out line7_wear
     """
-    effects = _effects(names, model_path, target)
-    model = None if model_path is None else loaded(model_path, target)
-    sessions = _sessions(folders, out, options, (TRACK, REPORT))
-    with whole_folder(out, last=TRACK) as draft:
+    base = _base(names, model_path, target)
+
+    def asked(sessions: Sessions) -> _Answer:
         from flexspline.tracking import track_fleet
 
         made = track_fleet(
-            sessions,
-            target,
-            effects,
-            model=model,
-            pilot=pilot,
-            limits=limits,
-            horizon=horizon,
-            **_of_the_fit(options),
+            sessions, **base, pilot=pilot, limits=limits, horizon=horizon, **_of_the_fit(options)
         )
         tracks = {name: one.to_json() for name, one in made.tracks.items()}
-        said = _write(made, draft / TRACK, tracks)
-    _tell(made, said, TRACK, f"{len(tracks)} pages and tracks", out)
+        return made, tracks, f"{len(tracks)} pages and tracks"
+
+    _answer(asked, TRACK, folders, out, options)
 
 
 def _write(made: FleetResult, file: Path, of_joints: Mapping[str, str]) -> str:
@@ -508,7 +486,25 @@ def _write(made: FleetResult, file: Path, of_joints: Mapping[str, str]) -> str:
     return str(made)
 
 
-def _tell(made: FleetResult, said: str, file: str, units: str, out: str) -> None:
+_Answer = tuple["FleetResult", Mapping[str, str], str]
+"""A result, the text beside the page of each joint, and what both of these are in words."""
+
+
+def _answer(
+    asked: Callable[[Sessions], _Answer],
+    file: str,
+    folders: tuple[str, ...],
+    out: str,
+    options: Mapping[str, Any],
+) -> None:
+    """Ask something of the runs in the folders; write the answer, its numbers to `file`.
+
+    `asked` imports what it computes with, which takes long: wrong calls are refused before.
+    """
+    sessions = _sessions(folders, out, options, (file, REPORT))
+    with whole_folder(out, last=file) as draft:
+        made, of_joints, units = asked(sessions)
+        said = _write(made, draft / file, of_joints)
     found(made.to_json())
     say(f"{said}\n\nwrote {file}, {REPORT} and units ({units}) to {Path(out)}")
 
@@ -543,13 +539,17 @@ def _sessions(
     return sessions_of(folders, columns=columns, dates=dates, joints=names, **how)
 
 
-def _effects(names: str | None, model_path: str | None, target: str | None) -> list[str] | None:
-    """The effects that are named, where they are not to be those of a model."""
+def _base(names: str | None, model_path: str | None, target: str | None) -> dict[str, Any]:
+    """What is fitted to the target: the effects that are named, or those of a model."""
     if (names is None) == (model_path is None):
         raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
     if names is not None and target is None:
         raise InputError("--target is needed beside --effects; say what is explained")
-    return None if names is None else named_effects(names)
+    return {
+        "target": target,
+        "effects": None if names is None else named_effects(names),
+        "model": None if model_path is None else loaded(model_path, target),
+    }
 
 
 def _of_the_fit(options: Mapping[str, Any]) -> dict[str, Any]:

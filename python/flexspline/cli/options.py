@@ -47,11 +47,13 @@ __all__ = [
     "RATE",
     "REPAIRS",
     "TEXT",
+    "Command",
     "LateChoice",
     "Listed",
     "Reading",
     "Taught",
     "bandwidth",
+    "by_motion",
     "channels",
     "controller",
     "effects_by_target",
@@ -72,8 +74,8 @@ __all__ = [
     "model",
     "model_file",
     "model_joint",
-    "named",
     "named_effects",
+    "named_values",
     "of_a_fit",
     "on_terminal",
     "orders",
@@ -92,6 +94,7 @@ __all__ = [
     "text_file",
     "threads",
     "warn",
+    "whole_number",
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -166,7 +169,7 @@ def positive(text: str) -> float:
     return number
 
 
-def named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, Any]]:
+def _named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, Any]]:
     """Return a callback that reads repeated NAME=... into a mapping; `parse` reads the rest."""
 
     def read(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, Any]:
@@ -184,6 +187,40 @@ def named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, 
         return found
 
     return read
+
+
+def named_values(
+    *names: str, metavar: str, parse: Callable[[str], Any], says: str, example: str | None = None
+) -> Callable[[Command], Command]:
+    """An option NAME=... that can be repeated, given as one mapping; `parse` reads the values.
+
+    `example`: how it is written, for who writes it wrong; None: as `metavar` says.
+    """
+    read = _named(example or metavar, parse)
+    return click.option(*names, multiple=True, metavar=metavar, callback=read, help=says)
+
+
+def whole_number(
+    name: str,
+    least: int,
+    most: int | None = None,
+    *,
+    default: int | Callable[[], int],
+    says: str,
+    shown: bool | str = True,
+    metavar: str | None = None,
+) -> Callable[[Command], Command]:
+    """An option that counts from `least` to `most`, and whose help tells the default as `shown`."""
+    numbers = click.IntRange(least, most)
+    return click.option(
+        name, type=numbers, default=default, show_default=shown, metavar=metavar, help=says
+    )
+
+
+def by_motion(says: str) -> Callable[[Command], Command]:
+    """--by regression|simulation"""
+    ways = click.Choice(("regression", "simulation"))
+    return click.option("--by", type=ways, default="regression", show_default=True, help=says)
 
 
 def named_effects(text: str) -> list[str]:
@@ -235,24 +272,18 @@ def known_load(command: Command) -> Command:
 
 def orders(command: Command) -> Command:
     """--orders EFFECT=1,2,4"""
-    return click.option(
+    return named_values(
         "--orders",
-        multiple=True,
         metavar="EFFECT=1,2,4",
-        callback=named("EFFECT=1,2,4", lambda text: tuple(int(each) for each in text.split(","))),
-        help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
+        parse=lambda text: tuple(int(each) for each in text.split(",")),
+        says="Orders of a ripple effect; otherwise they are found. Can be repeated.",
     )(command)
 
 
 def fixed(command: Command) -> Command:
     """--fix NAME=VALUE"""
-    return click.option(
-        "--fix",
-        multiple=True,
-        metavar="NAME=VALUE",
-        callback=named("NAME=VALUE", float),
-        help="A parameter that is known and not fitted, such as inertia=0.019.",
-    )(command)
+    says = "A parameter that is known and not fitted, such as inertia=0.019."
+    return named_values("--fix", metavar="NAME=VALUE", parse=float, says=says)(command)
 
 
 def fitted_controller(command: Command) -> Command:
@@ -275,10 +306,7 @@ def fitted_controller(command: Command) -> Command:
 
 def threads(command: Command) -> Command:
     """--threads COUNT"""
-    count = click.IntRange(1, 1024)
-    return click.option(
-        "--threads", type=count, default=1, show_default=True, help="To compute with."
-    )(command)
+    return whole_number("--threads", 1, 1024, default=1, says="To compute with.")(command)
 
 
 def target(required: bool, says: str = "") -> Callable[[Command], Command]:
