@@ -345,11 +345,7 @@ def _joint_settings(plugin: Plugin, namespace: str) -> Iterator[str]:
         *_temperatures(plugin),
         (plugin.load, "load", "Nm, the largest at standstill, as far as the fit knows"),
     )
-    yield "struct Settings {"
-    yield from _named(namespace)
-    yield from _constants(constants)
-    yield "};"
-    yield ""
+    yield from _struct("Settings", namespace, _constants(constants))
 
 
 def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
@@ -358,15 +354,19 @@ def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
         (coupling.largest_load, "largest_load", "Nm at the output"),
         (coupling.least_compliance, "least_compliance", "rad at the motor per Nm at the output"),
     )
-    yield "struct Between {"
-    yield from _named(namespace)
-    yield from _constants(_temperatures(coupling))
-    yield "  static constexpr flexspline::Coupling<double> coupling{"
-    for value, name, what in fields:
-        yield f"      .{name} = {number(value, name)},  // {comment(what)}"
-    yield "  };"
-    yield "};"
-    yield ""
+    yield from _struct(
+        "Between",
+        namespace,
+        (
+            *_constants(_temperatures(coupling)),
+            "  static constexpr flexspline::Coupling<double> coupling{",
+            *(
+                f"      .{name} = {number(value, name)},  // {comment(what)}"
+                for value, name, what in fields
+            ),
+            "  };",
+        ),
+    )
 
 
 def _temperatures(of: Plugin | Coupling) -> tuple[tuple[float, str, str], ...]:
@@ -378,9 +378,14 @@ def _temperatures(of: Plugin | Coupling) -> tuple[tuple[float, str, str], ...]:
     )
 
 
-def _named(namespace: str) -> Iterator[str]:
+def _struct(kind: str, namespace: str, constants: Iterable[str]) -> Iterator[str]:
+    """What a plugin knows at compile time: its name, its model, and lines of constants."""
+    yield f"struct {kind} {{"
     yield f"  static constexpr const char* name = {string_literal(plugin_name(namespace))};"
     yield f"  static constexpr auto& model = {namespace}::model<double>;"
+    yield from constants
+    yield "};"
+    yield ""
 
 
 def _constants(constants: Iterable[tuple[float, str, str]]) -> Iterator[str]:
