@@ -14,6 +14,7 @@ to record.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import wraps
 
 import numpy as np
 from numpy.typing import NDArray
@@ -281,10 +282,22 @@ def changing(channel: str, least: float, unit: str) -> Need:
 LOADED = changing(KNOWN, 0.0, "Nm")
 
 
-def both_directions(log: Log, motion: Motion | None) -> Lack | None:
+def of_motion(remedy: str) -> Callable[[Callable[[Log, Motion], Lack | None]], Need]:
+    """Make a need of what looks at a motion; a run that has none lacks it, and is told `remedy`."""
+
+    def decorate(look: Callable[[Log, Motion], Lack | None]) -> Need:
+        @wraps(look)
+        def need(log: Log, motion: Motion | None) -> Lack | None:
+            return (*STILL, remedy) if motion is None else look(log, motion)
+
+        return need
+
+    return decorate
+
+
+@of_motion("Record a run that moves both ways.")
+def both_directions(_: Log, motion: Motion) -> Lack | None:
     """A tenth of the moving rows at least in each direction."""
-    if motion is None:
-        return *STILL, "Record a run that moves both ways."
     limit = 0.05 * float(np.percentile(np.abs(motion.velocity), 95))
     moving = motion.velocity[np.abs(motion.velocity) > limit]
     share = float(np.mean(moving > 0)) if moving.size else 0.0
@@ -303,9 +316,8 @@ def both_directions(log: Log, motion: Motion | None) -> Lack | None:
 def speeds(ratio: float) -> Need:
     """Moving rows whose speeds span this ratio (10 % to 90 % of them)."""
 
-    def need(log: Log, motion: Motion | None) -> Lack | None:
-        if motion is None:
-            return *STILL, "Record a run that moves."
+    @of_motion("Record a run that moves.")
+    def need(_: Log, motion: Motion) -> Lack | None:
         speed = np.abs(motion.velocity)
         moving = speed[speed > 0.02 * np.percentile(speed, 99)]
         low, high = (float(x) for x in np.percentile(moving, (10, 90)))
@@ -322,10 +334,9 @@ def speeds(ratio: float) -> Need:
     return need
 
 
-def low_speeds(log: Log, motion: Motion | None) -> Lack | None:
+@of_motion("Record a run that moves slowly.")
+def low_speeds(_: Log, motion: Motion) -> Lack | None:
     """One row in a hundred at least that moves at less than a fifth of the top speed."""
-    if motion is None:
-        return *STILL, "Record a run that moves slowly."
     speed = np.abs(motion.velocity)
     top = float(np.percentile(speed, 99))
     share = float(np.mean((speed > 0.01 * top) & (speed < 0.2 * top)))
@@ -380,9 +391,8 @@ def turn_of(share: float) -> Need:
 def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
     """Ripple of the lowest order of an effect, per turn of the output, below half the rate."""
 
-    def need(log: Log, motion: Motion | None) -> Lack | None:
-        if motion is None:
-            return *STILL, "Record a run that moves."
+    @of_motion("Record a run that moves.")
+    def need(log: Log, motion: Motion) -> Lack | None:
         ratio = log.effective_ratio
         if ratio is None:
             return 0.0, "", "no gear ratio is stated", STATE[0]
