@@ -30,7 +30,12 @@ from flexspline.report.text import TARGET_WORDS, wrapped
 from flexspline.tracking.result import day, in_unit, spoken
 
 if TYPE_CHECKING:
-    from flexspline.fleet.each_joint import FleetComparison, FleetDiscovery, UnitDiscovery
+    from flexspline.fleet.each_joint import (
+        FleetComparison,
+        FleetDiscovery,
+        UnitComparison,
+        UnitDiscovery,
+    )
     from flexspline.fleet.result import FleetFit, FleetResult, UnitFit
     from flexspline.tracking.fleet import FleetTrack
 
@@ -456,8 +461,9 @@ def write_discovery_of_fleet(made: FleetDiscovery, folder: str | os.PathLike[str
         _left_out(_failed(made.failed, made.remarks), "Nothing: every joint was looked at."),
     ]  # fmt: skip
     title = f"What {len(made.units)} joints lack, {TARGET_WORDS[made.target]}"
-    verdict = _discovered(made)
-    _write_overview(folder, "discovery in a fleet", title, verdict, bool(made.names), sections)
+    _write_overview(
+        folder, "discovery in a fleet", title, _discovered(made), bool(made.names), sections
+    )
     for unit in made.units:
         _write_discovered(made, unit, Path(folder) / pages[unit.name])
 
@@ -591,21 +597,25 @@ def write_comparison_of_fleet(made: FleetComparison, folder: str | os.PathLike[s
         _left_out(_failed(made.failed, made.remarks), "Nothing: every joint was compared."),
     ]  # fmt: skip
     title = f"{len(made.units)} joints and a model, {made.target.replace('_', ' ')}"
-    verdict = _compared(made)
-    _write_overview(folder, "comparison of a fleet", title, verdict, bool(made.follows), sections)
+    _write_overview(
+        folder, "comparison of a fleet", title, _compared(made), bool(made.follows), sections
+    )
     for unit in made.units:
-        rows: list[Row] = [("", "band", "rows", f"RMSE [{made.unit}]", "noise floor", "excess")]
-        for name, bands in unit.content.items():
-            if not (isinstance(bands, list) and bands and "noise_floor_error" in bands[0]):
-                continue
-            worst = max(bands, key=lambda band: float(band["excess"] or 0.0))
-            rows.append((name.replace("_", " "), str(worst["label"]), str(worst["rows"]),
-                         *(padded(float(worst[key] or 0.0))
-                           for key in ("rmse", "noise_floor", "excess"))))  # fmt: skip
-        sections = [Section("worst", "Worst bands", rows=rows, words=(0, 1))]
-        said = [str(sentence) for sentence in unit.content["sentences"]]
-        path = Path(folder) / pages[unit.name]
-        _write_joint(len(made.units), unit.name, said, bool(unit.follows), sections, path)
+        _write_compared(made, unit, Path(folder) / pages[unit.name])
+
+
+def _write_compared(made: FleetComparison, unit: UnitComparison, path: Path) -> None:
+    rows: list[Row] = [("", "band", "rows", f"RMSE [{made.unit}]", "noise floor", "excess")]
+    for name, bands in unit.content.items():
+        if not (isinstance(bands, list) and bands and "noise_floor_error" in bands[0]):
+            continue
+        worst = max(bands, key=lambda band: float(band["excess"] or 0.0))
+        rows.append((name.replace("_", " "), str(worst["label"]), str(worst["rows"]),
+                     *(padded(float(worst[key] or 0.0))
+                       for key in ("rmse", "noise_floor", "excess"))))  # fmt: skip
+    sections = [Section("worst", "Worst bands", rows=rows, words=(0, 1))]
+    said = [str(sentence) for sentence in unit.content["sentences"]]
+    _write_joint(len(made.units), unit.name, said, bool(unit.follows), sections, path)
 
 
 def _compared(made: FleetComparison) -> list[str]:
