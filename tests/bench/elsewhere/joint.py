@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from gear import Geared
 from numpy.random import Generator
 
 from elsewhere.parts import TURNS
@@ -99,7 +100,7 @@ def dealt(seed: int, rng: Generator) -> Deal:
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(Geared):
     """A joint, how it is moved, and how fast it is recorded; SI units at the output.
 
     `refined`: steps of the fine grid between two rows. `mesh_error`: of the gear's transmission,
@@ -133,16 +134,6 @@ class Joint:
     inertia_known: bool = True
     thermometer: bool = False
     widely: bool = False
-
-    @property
-    def ratio(self) -> float:
-        """Turns of the motor per turn of the output."""
-        return self.gear_ratio + (self.output_spline == "circular")
-
-    @property
-    def drive(self) -> float:
-        """Nm at the output for one ampere."""
-        return self.ratio * self.torque_constant
 
     @property
     def largest(self) -> float:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from gear import Geared
 from numpy.typing import NDArray
 
 __all__ = ["EXCITATIONS", "JOINTS", "LOAD", "RATE", "Array", "Joint", "Scene", "scene"]
@@ -26,7 +27,7 @@ EXCITATIONS = {"swings": 5, "moves": 5, "tied": 3}
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(Geared):
     """A joint's base: Nm, Nm·s/rad, kg·m² and rad/s at the output; stiffness in Nm/rad there.
 
     `link`: gravity of what a robot's joint carries, Nm; `torque_constant`: Nm/A at the motor.
@@ -44,16 +45,6 @@ class Joint:
     mesh_shape: float
     link: float
     torque_constant: float
-
-    @property
-    def ratio(self) -> float:
-        """Ñ, turns of the motor per turn of the output."""
-        return self.gear_ratio + (self.output_spline == "circular")
-
-    @property
-    def drive(self) -> float:
-        """Nm at the output for one ampere."""
-        return self.ratio * self.torque_constant
 
     @property
     def facts(self) -> dict[str, str | float | int]:
