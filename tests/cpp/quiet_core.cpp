@@ -70,25 +70,22 @@ Status step_double(const Loaded<double>& joint, Loaded<double>::State& state,
   return joint.step(state, in, out);
 }
 
-template struct Chain<float>;
-template struct Chain<double>;
-template struct Thermistor<float>;
-template struct Thermistor<double>;
-template struct RippleOscillator<float, 3>;
-template struct RippleOscillator<double, 3>;
-template struct OrderTracker<float, 64>;
-template struct OrderTracker<double, 64>;
-template struct ReadingChecks<float>;
-template struct ReadingChecks<double>;
-template struct Preprocessing<float>;
-template struct Preprocessing<double>;
-template struct Bridge<float, 8>;
-template struct Bridge<double, 8>;
-template struct Conditioning<float>;
-template struct Conditioning<double>;
-template float mesh_torsion(float, float, float) noexcept;
-template double mesh_torsion(double, double, double) noexcept;
-template float wave_generator_torsion(float, float, float) noexcept;
-template double wave_generator_torsion(double, double, double) noexcept;
+// All of each stage, whether a joint calls it or not.
+#define FLEXSPLINE_STAGES(S)                 \
+  template struct Chain<S>;                  \
+  template struct Thermistor<S>;             \
+  template struct RippleOscillator<S, 3>;    \
+  template struct OrderTracker<S, 64>;       \
+  template struct ReadingChecks<S>;          \
+  template struct Preprocessing<S>;          \
+  template struct Bridge<S, 8>;              \
+  template struct Conditioning<S>;           \
+  template S mesh_torsion(S, S, S) noexcept; \
+  template S wave_generator_torsion(S, S, S) noexcept;
+
+FLEXSPLINE_STAGES(float)
+FLEXSPLINE_STAGES(double)
+
+#undef FLEXSPLINE_STAGES
 
 }  // namespace flexspline
