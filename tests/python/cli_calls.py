@@ -5,10 +5,12 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 from click.testing import CliRunner, Result
 from undrawn import undrawn
 
 from flexspline.cli import commands
+from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
 from flexspline.rigs import Rig, sensor_rig
 
@@ -31,6 +33,14 @@ def write_runs(folder: Path) -> list[Path]:
     for log, path in zip(small_rig().logs, paths, strict=True):
         write_log(log, path)
     return paths
+
+
+def write_holed(log: Log, channel: str, path: Path) -> Path:
+    """Write a run whose row 7 has no reading of a channel."""
+    values = log[channel].copy()
+    values[7] = np.nan
+    write_log(log.with_columns({channel: values}, note="hole"), path)
+    return path
 
 
 def fitted(folder: Path, runs: list[Path], *more: object) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,17 @@ def loader(mujoco: Any, folder: Path) -> Loaded:
         return name
 
     return load
+
+
+def instances(plugin: str, **settings: Mapping[str, object]) -> str:
+    """The instances of a plugin that a scene has, by name, each with its settings."""
+    written = "".join(
+        f'<instance name="{name}">'
+        + "".join(f'<config key="{key}" value="{value}"/>' for key, value in own.items())
+        + "</instance>"
+        for name, own in settings.items()
+    )
+    return f'<extension><plugin plugin="{plugin}">{written}</plugin></extension>'
 
 
 def rotor(name: str, armature: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas
 import pytest
 from chain_rig import BY_MOTOR, CALIBRATION, joint, raw_log, whole_joint, without
-from cli_calls import call
+from cli_calls import call, write_holed
 
 import flexspline
 from flexspline import Observer
@@ -70,12 +70,9 @@ def test_several_runs_get_a_file_each_and_the_errors_beside_their_references(
 def test_what_has_no_estimate_is_empty_and_its_row_stays(
     tmp_path: Path, run: Path, model: Path
 ) -> None:
-    log = raw_log(1500)
-    torque = log["motor_torque"].copy()
-    torque[7] = np.nan
-    write_log(log.with_columns({"motor_torque": torque}, note="hole"), tmp_path / "holed.csv")
+    holed = write_holed(raw_log(1500), "motor_torque", tmp_path / "holed.csv")
     out = tmp_path / "external.csv"
-    assert call("estimate", "--model", model, tmp_path / "holed.csv", "--out", out).exit_code == 0
+    assert call("estimate", "--model", model, holed, "--out", out).exit_code == 0
     table = pandas.read_csv(out)
     assert len(table) == 1500
     assert np.flatnonzero(table["external_torque_observer"].isna()).tolist() == [7]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from cli_calls import call, fitted, small_rig, write_runs
+from cli_calls import call, fitted, small_rig, write_holed, write_runs
 from click.testing import Result
 
 import flexspline
@@ -39,11 +39,9 @@ def test_measured_and_residual_are_empty_where_the_run_lacks_them(
 
 def test_rows_without_a_reading_stay_rows(tmp_path: Path, model: Path) -> None:
     log = small_rig().logs[0]
-    torque = log["sensor_torque"].copy()
-    torque[7] = np.nan
-    write_log(log.with_columns({"sensor_torque": torque}, note="gap"), tmp_path / "run.csv")
+    holed = write_holed(log, "sensor_torque", tmp_path / "run.csv")
     out = tmp_path / "out.csv"
-    assert call("predict", "--model", model, tmp_path / "run.csv", "--out", out).exit_code == 0
+    assert call("predict", "--model", model, holed, "--out", out).exit_code == 0
     table = pandas.read_csv(out)
     assert len(table) == len(log)
     assert np.flatnonzero(table["residual"].isna()).tolist() == [7]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
-from mujoco_plugins import Loaded, rotor
+from mujoco_plugins import Loaded, instances, rotor
 from numpy.typing import NDArray
 from torsion_logs import truth
 
@@ -34,17 +34,11 @@ RATIO = 101.0
 RANGES = {"known_load": [-40.0, 35.0], "motor_torque": [-1.0, 1.0], "temperature": [20.0, 35.0]}
 STEP = 4e-4
 MOTOR, LINK = 0.5, 0.8  # kg m²
+GEAR = {"joint": "link", "motor": "motor", "temperature": 31}
 ARM = f"""
 <mujoco>
   <option timestep="{STEP}" gravity="0 0 0"/>
-  <extension>
-    <plugin plugin="flexspline.NAME_torsion">
-      <instance name="gear">
-        <config key="joint" value="link"/><config key="motor" value="motor"/>
-        <config key="temperature" value="31"/>
-      </instance>
-    </plugin>
-  </extension>
+  {instances("flexspline.NAME_torsion", gear=GEAR)}
   <worldbody>
     {rotor("motor", MOTOR)}
     <body>

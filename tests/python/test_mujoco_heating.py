@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mujoco_plugins import Loaded, rotor
+from mujoco_plugins import Loaded, instances, rotor
 from numpy.typing import NDArray
 
 from flexspline.effects import effect
@@ -23,21 +23,18 @@ Array = NDArray[np.float64]
 STEP = 5e-4
 START, ROOM, RESISTANCE, TIME_CONSTANT = 24.0, 21.0, 1.4, 12.0
 COLDEST, WARMEST = 20.0, 60.0
+HEATED = {
+    "joint": "j",
+    "temperature": START,
+    "ambient": ROOM,
+    "thermal_resistance": RESISTANCE,
+    "thermal_time_constant": TIME_CONSTANT,
+    "implicit": "IMPLICIT",
+}
 ARM = f"""
 <mujoco>
   <option timestep="{STEP}" gravity="0 0 0"/>
-  <extension>
-    <plugin plugin="flexspline.NAME">
-      <instance name="j">
-        <config key="joint" value="j"/>
-        <config key="temperature" value="{START}"/>
-        <config key="ambient" value="{ROOM}"/>
-        <config key="thermal_resistance" value="{RESISTANCE}"/>
-        <config key="thermal_time_constant" value="{TIME_CONSTANT}"/>
-        <config key="implicit" value="IMPLICIT"/>
-      </instance>
-    </plugin>
-  </extension>
+  {instances("flexspline.NAME", j=HEATED)}
   <worldbody>
     {rotor("j", 0.2)}
   </worldbody>

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
-from mujoco_plugins import Loaded
+from mujoco_plugins import Loaded, instances
 from numpy.typing import NDArray
 from test_own_header import compiled as fit_with_header
 
@@ -44,14 +44,7 @@ STEP = 4e-4
 ARM = f"""
 <mujoco>
   <option timestep="{STEP}"/>
-  <extension>
-    <plugin plugin="flexspline.NAME">
-      <instance name="left"><config key="joint" value="a"/></instance>
-      <instance name="right">
-        <config key="joint" value="b"/><config key="temperature" value="31"/>
-      </instance>
-    </plugin>
-  </extension>
+  {instances("flexspline.NAME", left={"joint": "a"}, right={"joint": "b", "temperature": 31})}
   <worldbody>
     <body>
       <joint name="free" type="hinge" axis="0 0 1" damping="1"/>
