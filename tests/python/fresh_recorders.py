@@ -21,11 +21,11 @@ _recorder = rec.Recorders()
 # tools of drives
 
 
-@_recorder(
-    "object names of CiA 402 with a demand beside each actual value, increments whose resolution "
-    "and the gear's ratio stand in the preamble alone, per mille of a rated torque, motor's side"
-)
+@_recorder
 def maxon_recorder() -> File:
+    """Object names of CiA 402 with a demand beside each actual value, increments whose resolution
+    and the gear's ratio stand in the preamble alone, per mille of a rated torque, motor's side.
+    """
     run = joint_run(301, 1000.0, 4.0, ratio=100.0, pace=1.5, from_zero=True)
     inc = REV / 4096
     demand = 100.0 * run["commanded_position"]
@@ -62,11 +62,11 @@ def maxon_recorder() -> File:
     )
 
 
-@_recorder(
-    "names of a drive's variables in quotes, A rms, a motor angle that wraps at 360° beside a "
-    "second feedback at the output, a motor that counts the other way, a command of speed"
-)
+@_recorder
 def kollmorgen_scope() -> File:
+    """Names of a drive's variables in quotes, A rms, a motor angle that wraps at 360° beside a
+    second feedback at the output, a motor that counts the other way, a command of speed.
+    """
     run = joint_run(302, 500.0, 8.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
     speed = -160.0 * np.gradient(run["commanded_position"], run["time"]) / RPM
     columns = [
@@ -92,11 +92,11 @@ def kollmorgen_scope() -> File:
     )
 
 
-@_recorder(
-    "turns and turns/s without a unit, set points beside estimates, two temperatures, an output "
-    "encoder in degrees"
-)
+@_recorder
 def odrive_script() -> File:
+    """Turns and turns/s without a unit, set points beside estimates, two temperatures, an output
+    encoder in degrees.
+    """
     run = joint_run(303, 200.0, 12.0, ratio=50.0, torque_constant=0.2, from_zero=True)
     rows = run["time"].size
     wanted = 50.0 * np.gradient(run["commanded_position"], run["time"]) / REV
@@ -124,11 +124,11 @@ def odrive_script() -> File:
     )
 
 
-@_recorder(
-    "no clock but a sampling period in the preamble, a torque command in per cent, a motor's speed "
-    "of the other sign than the link-side encoder, tabs"
-)
+@_recorder
 def servo_tool_trace() -> File:
+    """No clock but a sampling period in the preamble, a torque command in per cent, a motor's speed
+    of the other sign than the link-side encoder, tabs.
+    """
     run = joint_run(304, 500.0, 7.0, ratio=161.0, motion="trapezoids", torque_constant=0.06)
     columns = [
         rec.channel(run, "motor_velocity", "Feedback Speed [r/min]", "%d", -RPM),
@@ -147,11 +147,11 @@ def servo_tool_trace() -> File:
     )
 
 
-@_recorder(
-    "German in cp1252, numbers of parameters before the names, decimal comma, per cent of a torque "
-    "that is not in the file, velocity of the motor in 1/min and filtered, no angle of the motor"
-)
+@_recorder
 def rexroth_oszilloskop() -> File:
+    """German in cp1252, numbers of parameters before the names, decimal comma, per cent of a torque
+    that is not in the file, velocity of the motor in 1/min and filtered, no angle of the motor.
+    """
     run = joint_run(305, 250.0, 12.0, ratio=120.0, motion="trapezoids", torque_constant=0.08)
     run["motor_velocity"] = rec.filtered(run["motor_velocity"], 250.0, 8e-3)
     table = [
@@ -177,11 +177,11 @@ def rexroth_oszilloskop() -> File:
 # benches and scripts
 
 
-@_recorder(
-    "German symbols with units in a row of their own, torque of the drive and of the output beside "
-    "a force cell, effective current, ambient beside motor temperature, decimal comma"
-)
+@_recorder
 def german_formelzeichen() -> File:
+    """German symbols with units in a row of their own, torque of the drive and of the output beside
+    a force cell, effective current, ambient beside motor temperature, decimal comma.
+    """
     run = joint_run(306, 200.0, 15.0, ratio=160.0, torque_constant=0.06)
     rows = run["time"].size
     force = run["reference_torque"] / 0.4 + rec.white(306, 0.1, rows)
@@ -212,8 +212,9 @@ def german_formelzeichen() -> File:
     )
 
 
-@_recorder("three letters for a name, no unit anywhere, degrees of the output, rpm of the motor")
+@_recorder
 def student_short_names() -> File:
+    """Three letters for a name, no unit anywhere, degrees of the output, rpm of the motor."""
     run = joint_run(307, 100.0, 30.0, ratio=80.0, pace=0.8)
     columns = [
         rec.channel(run, "time", "t", "%.2f"),
@@ -239,11 +240,11 @@ def student_short_names() -> File:
     )
 
 
-@_recorder(
-    "MAT of version 5 with a structure in a structure, units in a structure beside it, mNm and mA, "
-    "both angles in rad, 101 turns, the rotor's angle of the other sign"
-)
+@_recorder
 def matlab_nested() -> File:
+    """MAT of version 5 with a structure in a structure, units in a structure beside it, mNm and mA,
+    both angles in rad, 101 turns, the rotor's angle of the other sign.
+    """
     run = joint_run(308, 400.0, 8.0, ratio=101.0, from_zero=True)
     signals = {
         "time": ("time", 1.0, "s"),
@@ -265,11 +266,11 @@ def matlab_nested() -> File:
     )
 
 
-@_recorder(
-    "HDF5 with one matrix of all and the names of its columns beside it, seconds of an epoch, an "
-    "output angle in turns, a derived power that is no channel"
-)
+@_recorder
 def hdf5_frame() -> File:
+    """HDF5 with one matrix of all and the names of its columns beside it, seconds of an epoch, an
+    output angle in turns, a derived power that is no channel.
+    """
     run = joint_run(309, 250.0, 12.0, ratio=50.0, motion="trapezoids", torque_constant=0.2)
     start = 1_777_880_000.25
     signals = {
@@ -298,11 +299,11 @@ def hdf5_frame() -> File:
     )
 
 
-@_recorder(
-    "topics as names, two joints of which the elbow moves and the shoulder holds, seconds of an "
-    "epoch, an effort that is the joint's torque, no unit"
-)
+@_recorder
 def ros_bag_csv() -> File:
+    """Topics as names, two joints of which the elbow moves and the shoulder holds, seconds of an
+    epoch, an effort that is the joint's torque, no unit.
+    """
     run = joint_run(310, 250.0, 12.0, ratio=100.0)
     rows = run["time"].size
     columns = [rec.channel(run, "time", "__time", "%.6f", start=1_777_966_512.481_2)]
@@ -331,11 +332,11 @@ def ros_bag_csv() -> File:
     )
 
 
-@_recorder(
-    "Spanish in UTF-8 with a mark, time of day alone, decimal comma, grados and rpm, a torque "
-    "sensor that reads the reaction, a remark in each row"
-)
+@_recorder
 def spanish_bench() -> File:
+    """Spanish in UTF-8 with a mark, time of day alone, decimal comma, grados and rpm, a torque
+    sensor that reads the reaction, a remark in each row.
+    """
     run = joint_run(311, 100.0, 25.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
     stamps, run["time"] = rec.stamps(run["time"], "2026-05-06T09:14:03.120", "ms")
@@ -365,11 +366,11 @@ def spanish_bench() -> File:
     )
 
 
-@_recorder(
-    "Chinese in GB18030, a number of the row before the clock in ms, units in brackets of full "
-    "width, mA, a motor's speed and current of the other sign, no angle of the motor"
-)
+@_recorder
 def chinese_test_stand() -> File:
+    """Chinese in GB18030, a number of the row before the clock in ms, units in brackets of full
+    width, mA, a motor's speed and current of the other sign, no angle of the motor.
+    """
     run = joint_run(312, 200.0, 14.0, ratio=120.0, torque_constant=0.08)
     rows = run["time"].size
     columns = [

@@ -42,13 +42,15 @@ def _worded(column: Column, word: str) -> Column:
 # robots and data bases
 
 
-@_recorder(
-    "https://manual.doosanrobotics.com/en/api/1.32/Publish/"
-    "cdrflex-get_rt_control_output_data_list (names, units and meanings)",
-    "two angles of one joint, both in deg of the output: that of the motor's encoder and that of "
-    "the link's; motor torque already times the ratio; six joints; no unit in the file",
-)
+@_recorder
 def doosan_rt() -> File:
+    """Two angles of one joint, both in deg of the output: that of the motor's encoder and that of
+    the link's; motor torque already times the ratio; six joints; no unit in the file.
+
+    Source:
+    https://manual.doosanrobotics.com/en/api/1.32/Publish/cdrflex-get_rt_control_output_data_list
+    (names, units and meanings)
+    """
     ratio = 100.0
     run = joint_run(31, 1000.0, 3.0, ratio=ratio, motion="trapezoids", torque_constant=0.12)
     rows = run["time"].size
@@ -94,12 +96,14 @@ def doosan_rt() -> File:
     )
 
 
-@_recorder(
-    "https://docs.influxdata.com/influxdb/cloud/reference/syntax/annotated-csv/ (after pivot())",
-    "three rows of annotations, a first column that is empty, RFC 3339 stamps to ns without zeros "
-    "at their ends, uneven sampling, two stamps that never change, a slow field with empty cells",
-)
+@_recorder
 def influx_annotated() -> File:
+    """Three rows of annotations, a first column that is empty, RFC 3339 stamps to ns without zeros
+    at their ends, uneven sampling, two stamps that never change, a slow field with empty cells.
+
+    Source: https://docs.influxdata.com/influxdb/cloud/reference/syntax/annotated-csv/ (after
+    pivot())
+    """
     run = joint_run(32, 200.0, 15.0, ratio=160.0, motion="sines")
     rows = run["time"].size
     late = np.random.default_rng(32).exponential(4e-4, rows)
@@ -143,14 +147,15 @@ def _trimmed(stamp: str) -> str:
     return stamp.rstrip("0").rstrip(".") + "Z"
 
 
-@_recorder(
-    "https://grafana.com/docs/grafana/latest/panels-visualizations/panel-inspector (Formatted "
-    "data, Download for Excel); https://github.com/grafana/grafana packages/grafana-data/src/"
-    "valueFormats/categories.ts (amp, SIPrefix)",
-    "a byte order mark before sep=, units behind each number in its cell, a prefix of SI that "
-    "changes from cell to cell (mA and A, mNm and Nm), names quoted, numbers not",
-)
+@_recorder
 def grafana_formatted() -> File:
+    """A byte order mark before sep=, units behind each number in its cell, a prefix of SI that
+    changes from cell to cell (mA and A, mNm and Nm), names quoted, numbers not.
+
+    Source: https://grafana.com/docs/grafana/latest/panels-visualizations/panel-inspector (Formatted
+    data, Download for Excel); https://github.com/grafana/grafana
+    packages/grafana-data/src/valueFormats/categories.ts (amp, SIPrefix)
+    """
     run = joint_run(33, 50.0, 60.0, ratio=100.0, motion="sines", pace=0.8)
     moments, run["time"] = rec.stamps(run["time"], "2026-01-21T14:03:11.020", "ms")
     stamps = [moment.replace("T", " ") for moment in moments]
@@ -182,12 +187,11 @@ def _prefixed(value: float, unit: str) -> str:
     return f"{value / 1000.0**power:.2f} {['', 'µ', 'm'][power]}{unit}"
 
 
-@_recorder(
-    "",
-    "an object of JSON in each line, the first and the last of which are events; units in the "
-    "first one; a key that only each fiftieth line has; seconds of an epoch",
-)
+@_recorder
 def json_lines() -> File:
+    """An object of JSON in each line, the first and the last of which are events; units in the
+    first one; a key that only each fiftieth line has; seconds of an epoch.
+    """
     run = joint_run(34, 250.0, 12.0, ratio=80.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
     late = np.random.default_rng(34).uniform(0.0, 6e-4, rows)
@@ -225,13 +229,14 @@ def json_lines() -> File:
 # programs for numbers
 
 
-@_recorder(
-    "https://mathworks.com/help/matlab/ref/writetimetable.html; https://www.mathworks.com/"
-    "matlabcentral/answers/801181 (the content of the file)",
-    "time as '0.004 sec' in each cell, names of variables without a unit, one variable of three "
-    "columns, NaN",
-)
+@_recorder
 def matlab_timetable() -> File:
+    """Time as '0.004 sec' in each cell, names of variables without a unit, one variable of three
+    columns, NaN.
+
+    Source: https://mathworks.com/help/matlab/ref/writetimetable.html;
+    https://www.mathworks.com/matlabcentral/answers/801181 (the content of the file)
+    """
     run = joint_run(35, 250.0, 12.0, ratio=120.0, motion="sines")
     rows = run["time"].size
     lost = np.flatnonzero(np.random.default_rng(35).random(rows) < 0.003)
@@ -265,13 +270,14 @@ def matlab_timetable() -> File:
     )
 
 
-@_recorder(
-    "https://gnu.org/software/octave/doc/v4.0.0/Simple-File-I_002fO.html (save -text); its "
-    "'# name:', '# type:', '# rows:', '# columns:' as public programs write them",
-    "a work space of several variables of which one matrix is the record; its names are a cell "
-    "array behind it, the gear ratio and the torque constant scalars before and behind it",
-)
+@_recorder
 def octave_text() -> File:
+    """A work space of several variables of which one matrix is the record; its names are a cell
+    array behind it, the gear ratio and the torque constant scalars before and behind it.
+
+    Source: https://gnu.org/software/octave/doc/v4.0.0/Simple-File-I_002fO.html (save -text); its '#
+    name:', '# type:', '# rows:', '# columns:' as public programs write them
+    """
     run = joint_run(36, 500.0, 6.0, ratio=100.0, motion="trapezoids")
     labels = {
         "t_s": ("time", 1.0),
@@ -305,13 +311,14 @@ def _octave_string(text: str) -> list[str]:
     return ["# type: string", "# elements: 1", f"# length: {len(text)}", text, "", ""]
 
 
-@_recorder(
-    "https://search.r-project.org/CRAN/refmans/utils/html/write.table.html (write.csv; names of "
-    "read.csv by make.names)",
-    "names in which each space, bracket and ° became a dot, quoted row names as a first column "
-    "without a name, gaps in them where rows were filtered out, NA, TRUE and FALSE",
-)
+@_recorder
 def r_write_csv() -> File:
+    """Names in which each space, bracket and ° became a dot, quoted row names as a first column
+    without a name, gaps in them where rows were filtered out, NA, TRUE and FALSE.
+
+    Source: https://search.r-project.org/CRAN/refmans/utils/html/write.table.html (write.csv; names
+    of read.csv by make.names)
+    """
     whole = joint_run(37, 200.0, 15.0, ratio=50.0, motion="trapezoids")
     random = np.random.default_rng(37)
     there = np.flatnonzero(random.random(whole["time"].size) > 0.05)
@@ -340,12 +347,13 @@ def r_write_csv() -> File:
     )
 
 
-@_recorder(
-    "https://github.com/pandas-dev/pandas/pull/3575 (to_csv of columns with a MultiIndex)",
-    "names in two rows, side and quantity with unit, and the name of the index in a third; an "
-    "angle that leaps at ±180°",
-)
+@_recorder
 def pandas_multiindex() -> File:
+    """Names in two rows, side and quantity with unit, and the name of the index in a third; an
+    angle that leaps at ±180°.
+
+    Source: https://github.com/pandas-dev/pandas/pull/3575 (to_csv of columns with a MultiIndex)
+    """
     run = joint_run(38, 400.0, 8.0, ratio=160.0, motion="sines", from_zero=True)
     run["output_position"] = run["output_position"] + 2.9
     wrapped = np.mod(run["output_position"] / DEG + 180.0, 360.0) - 180.0
@@ -374,12 +382,11 @@ def pandas_multiindex() -> File:
     )
 
 
-@_recorder(
-    "",
-    "exponents with D, names and units in two lines of a Fortran format, blocks of three joints "
-    "of which the second moves, mrad/s, a sensor that reads the reaction, accelerations at the end",
-)
+@_recorder
 def fortran_blocks() -> File:
+    """Exponents with D, names and units in two lines of a Fortran format, blocks of three joints of
+    which the second moves, mrad/s, a sensor that reads the reaction, accelerations at the end.
+    """
     run = joint_run(39, 500.0, 5.0, ratio=100.0, motion="trapezoids")
     rows = run["time"].size
     kinds = {
@@ -420,13 +427,14 @@ def fortran_blocks() -> File:
 # instruments and benches
 
 
-@_recorder(
-    "Rigol DS1000Z, waveform as CSV: 'X,CH1,CH2,Start,Increment,' and 'Sequence,Volt,Volt,"
-    "-1.200000e-03,2.000000e-06' as public readers quote it",
-    "10 kHz for 0.3 s, no time column: a row number, a start and a step in the second line; volts "
-    "of unnamed inputs, 8 bits, a separator at the end of each line",
-)
+@_recorder
 def rigol_ds1000z() -> File:
+    """10 kHz for 0.3 s, no time column: a row number, a start and a step in the second line; volts
+    of unnamed inputs, 8 bits, a separator at the end of each line.
+
+    Source: Rigol DS1000Z, waveform as CSV: 'X,CH1,CH2,Start,Increment,' and
+    'Sequence,Volt,Volt,-1.200000e-03,2.000000e-06' as public readers quote it
+    """
     run = joint_run(40, 10_000.0, 0.3, motion="sines", pace=6.0, amplitude=0.4)
     rows = run["time"].size
     run["sensor_voltage"] = run["sensor_torque"] * 0.05  # an amplifier of the bridge
@@ -459,14 +467,15 @@ def rigol_ds1000z() -> File:
     )
 
 
-@_recorder(
-    "Graphtec GL240, CSV: Vendor, Model, AMP settings to 'NO.,Time,ms' as public programs write "
-    "and read it",
-    "the columns are CH1 to CH5 and their names stand in a table of settings above, a unit row, "
-    "a clock of seconds with the ms in a column of their own, spaces between a sign and its "
-    "digits, +++++++ for out of range, alarms in letters",
-)
+@_recorder
 def graphtec_gl240() -> File:
+    """The columns are CH1 to CH5 and their names stand in a table of settings above, a unit row, a
+    clock of seconds with the ms in a column of their own, spaces between a sign and its digits,
+    +++++++ for out of range, alarms in letters.
+
+    Source: Graphtec GL240, CSV: Vendor, Model, AMP settings to 'NO.,Time,ms' as public programs
+    write and read it
+    """
     run = joint_run(41, 100.0, 30.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
     moments, run["time"] = rec.stamps(run["time"], "2026-03-04T10:12:58.000", "ms")
@@ -531,12 +540,11 @@ def _padded(cells: Sequence[str]) -> list[str]:
     return [cell if cell.endswith("+") else f"{cell[0]}{cell[1:]:>8}" for cell in cells]
 
 
-@_recorder(
-    "",
-    "French in cp1252, decimal comma, a no-break space between thousands, tr/min and N.m, one "
-    "speed in one direction, so that no sign is seen to change",
-)
+@_recorder
 def french_bench() -> File:
+    """French in cp1252, decimal comma, a no-break space between thousands, tr/min and N.m, one
+    speed in one direction, so that no sign is seen to change.
+    """
     whole = joint_run(42, 100.0, 38.0, motion="trapezoids", amplitude=36.0, pace=0.04)
     run = _rows(whole, slice(1300, None))  # the ramp takes 12.5 s
     run["output_position"] = run["output_position"] - run["output_position"][0]
@@ -575,12 +583,11 @@ def french_bench() -> File:
     )
 
 
-@_recorder(
-    "",
-    "Russian in cp1251, commas within names and between digits, whole ms with jitter and lost "
-    "rows, a motor that counts the other way",
-)
+@_recorder
 def russian_cp1251() -> File:
+    """Russian in cp1251, commas within names and between digits, whole ms with jitter and lost
+    rows, a motor that counts the other way.
+    """
     whole = joint_run(43, 200.0, 16.0, ratio=100.0, motion="sines")
     random = np.random.default_rng(43)
     ms = np.rint(5.0 * np.arange(whole["time"].size) + random.uniform(0.0, 2.0, 3200))
@@ -612,12 +619,11 @@ def russian_cp1251() -> File:
     )
 
 
-@_recorder(
-    "",
-    "Chinese in GBK, counts of 17 and 19 bits whose resolution stands in the preamble, 121 turns "
-    "as the circular spline is the output while the preamble says 120",
-)
+@_recorder
 def chinese_gbk() -> File:
+    """Chinese in GBK, counts of 17 and 19 bits whose resolution stands in the preamble, 121 turns
+    as the circular spline is the output while the preamble says 120.
+    """
     run = joint_run(44, 500.0, 6.0, ratio=121.0, motion="trapezoids")
     rows = run["time"].size
     columns = [
@@ -657,12 +663,11 @@ def chinese_gbk() -> File:
     )
 
 
-@_recorder(
-    "",
-    "Polish in cp1250, torque in % of a rated one that stands in the preamble, A rms, a velocity "
-    "that the drive filters, so that it comes 5 ms late, a motor that turns the other way",
-)
+@_recorder
 def polish_drive() -> File:
+    """Polish in cp1250, torque in % of a rated one that stands in the preamble, A rms, a velocity
+    that the drive filters, so that it comes 5 ms late, a motor that turns the other way.
+    """
     run = joint_run(45, 1000.0, 4.0, ratio=80.0, motion="trapezoids")
     run["motor_velocity"] = rec.filtered(run["motor_velocity"], 1000.0, 5e-3)
     rows = run["time"].size

@@ -209,17 +209,18 @@ class Recorder:
 
 
 class Recorders(list[Recorder]):
-    """Recorders in the order in which they are defined: called, it decorates the next one."""
+    """Recorders in the order in which they are defined: called, it decorates the next one.
 
-    def __call__(self, *said: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-        """Take in what makes a file: where its format is stated, if that is; what is hard in it."""
-        *source, hard = said
+    What is decorated makes a file. Its docstring says what is hard in it and, behind "Source:",
+    where such files are documented.
+    """
 
-        def keep(make: Callable[[], File]) -> Callable[[], File]:
-            self.append(Recorder(make.__name__, source[0] if source else "", hard, cache(make)))
-            return make
-
-        return keep
+    def __call__(self, make: Callable[[], File]) -> Callable[[], File]:
+        """Take in what makes a file."""
+        hard, _, source = (make.__doc__ or "").partition("Source:")
+        words = (" ".join(text.split()) for text in (source, hard))
+        self.append(Recorder(make.__name__, *words, cache(make)))
+        return make
 
 
 # columns of text

@@ -29,12 +29,13 @@ _recorder = rec.Recorders()
 # robots
 
 
-@_recorder(
-    "https://github.com/UniversalRobots/RTDE_Python_Client_Library rtde/csv_writer.py",
-    "space as separator, CRLF, six joints of which the elbow moves, no unit anywhere, "
-    "model's torque beside it",
-)
+@_recorder
 def ur_rtde() -> File:
+    """Space as separator, CRLF, six joints of which the elbow moves, no unit anywhere, model's
+    torque beside it.
+
+    Source: https://github.com/UniversalRobots/RTDE_Python_Client_Library rtde/csv_writer.py
+    """
     run = joint_run(1, 500.0, 6.0, ratio=101.0, motion="trapezoids")
     rows = run["time"].size
     moving = {
@@ -72,12 +73,13 @@ def ur_rtde() -> File:
     )
 
 
-@_recorder(
-    "https://github.com/frankaemika/libfranka src/log.cpp",
-    "names separated by ', ' and ',' in one line, 87 columns, seven joints of which the fourth "
-    "moves, time in ms without a unit, six significant digits",
-)
+@_recorder
 def franka_log() -> File:
+    """Names separated by ', ' and ',' in one line, 87 columns, seven joints of which the fourth
+    moves, time in ms without a unit, six significant digits.
+
+    Source: https://github.com/frankaemika/libfranka src/log.cpp
+    """
     run = joint_run(2, 1000.0, 3.0, motion="sines", pace=2.0)
     rows = run["time"].size
     parts: list[list[Column]] = []
@@ -128,12 +130,13 @@ def franka_log() -> File:
     )
 
 
-@_recorder(
-    "https://github.com/Kinovarobotics/Kinova-kortex2_Gen3_G3L "
-    "api_python/doc/markdown/references, message BaseCyclic.ActuatorFeedback",
-    "no unit in the names, an angle that wraps at 360°, seconds of an epoch, fault words",
-)
+@_recorder
 def kinova_kortex() -> File:
+    """No unit in the names, an angle that wraps at 360°, seconds of an epoch, fault words.
+
+    Source: https://github.com/Kinovarobotics/Kinova-kortex2_Gen3_G3L
+    api_python/doc/markdown/references, message BaseCyclic.ActuatorFeedback
+    """
     run = joint_run(3, 500.0, 8.0, motion="sines", amplitude=1.6)
     rows = run["time"].size
     counter = (np.arange(rows) + 17_405) % 65536 + (5 << 16)
@@ -163,13 +166,14 @@ def kinova_kortex() -> File:
     )
 
 
-@_recorder(
-    "http://wiki.ros.org/rostopic rostopic echo -p; http://docs.ros.org/en/fuerte/api/sensor_msgs/"
-    "html/msg/JointState.html",
-    "a header that starts with %, nanoseconds of an epoch twice, names of joints in cells, "
-    "uneven sampling",
-)
+@_recorder
 def rostopic_echo() -> File:
+    """A header that starts with %, nanoseconds of an epoch twice, names of joints in cells, uneven
+    sampling.
+
+    Source: http://wiki.ros.org/rostopic rostopic echo -p;
+    http://docs.ros.org/en/fuerte/api/sensor_msgs/html/msg/JointState.html
+    """
     run = joint_run(4, 125.0, 20.0)
     rows = run["time"].size
     late = np.random.default_rng(4).uniform(0.0, 2e-3, rows)
@@ -201,13 +205,15 @@ def rostopic_echo() -> File:
     )
 
 
-@_recorder(
-    "https://github.com/PlotJuggler/PlotJuggler plotjuggler_plugins/PublisherCSV",
-    "three topics with clocks of their own in one table, so that most cells of a row are empty; "
-    "seconds of an epoch; names sorted",
-)
+@_recorder
 def plotjuggler() -> File:
-    """Joint states at 250 Hz, a drive at 100 Hz that is 1.3 ms late, a temperature at 1 Hz."""
+    """Three topics with clocks of their own in one table, so that most cells of a row are empty;
+    seconds of an epoch; names sorted.
+
+    Joint states at 250 Hz, a drive at 100 Hz that is 1.3 ms late, a temperature at 1 Hz.
+
+    Source: https://github.com/PlotJuggler/PlotJuggler plotjuggler_plugins/PublisherCSV
+    """
     run = joint_run(5, 10_000.0, 8.0, ratio=120.0, motion="trapezoids")
     ticks = np.arange(run["time"].size)
     topics = {
@@ -236,12 +242,13 @@ def plotjuggler() -> File:
     )
 
 
-@_recorder(
-    "https://github.com/mjbots/moteus lib/python/moteus/moteus.py (registers; INT16 and F32)",
-    "turns without a unit, coarse torque and current, the sides told apart by physics alone, "
-    "mode words",
-)
+@_recorder
 def moteus() -> File:
+    """Turns without a unit, coarse torque and current, the sides told apart by physics alone, mode
+    words.
+
+    Source: https://github.com/mjbots/moteus lib/python/moteus/moteus.py (registers; INT16 and F32)
+    """
     run = joint_run(6, 250.0, 12.0, ratio=50.0, amplitude=1.3)
     rows = run["time"].size
     columns = [
@@ -274,11 +281,12 @@ def moteus() -> File:
     )
 
 
-@_recorder(
-    "http://emanual.robotis.com/docs/en/dxl/x/xm430-w210/ (control table and its units)",
-    "raw ticks of everything, a clock of 1 ms that starts again at 32768, no unit anywhere",
-)
+@_recorder
 def dynamixel_raw() -> File:
+    """Raw ticks of everything, a clock of 1 ms that starts again at 32768, no unit anywhere.
+
+    Source: http://emanual.robotis.com/docs/en/dxl/x/xm430-w210/ (control table and its units)
+    """
     run = joint_run(7, 50.0, 40.0, amplitude=1.2, torque_constant=0.3)
     rows = run["time"].size
     tick = REV / 4096.0
@@ -311,12 +319,13 @@ def dynamixel_raw() -> File:
     )
 
 
-@_recorder(
-    "https://gist.github.com/dsoto/c513a73215ccc81916f262f24c14b5f5 (log of VESC Tool)",
-    "56 columns, a separator at the end of each line, ms of the day twice, electrical rpm, "
-    "an angle in degrees that wraps",
-)
+@_recorder
 def vesc_tool() -> File:
+    """56 columns, a separator at the end of each line, ms of the day twice, electrical rpm, an
+    angle in degrees that wraps.
+
+    Source: https://gist.github.com/dsoto/c513a73215ccc81916f262f24c14b5f5 (log of VESC Tool)
+    """
     run = joint_run(8, 50.0, 40.0, ratio=50.0, amplitude=0.8, motion="sines")
     rows = run["time"].size
     poles = 7
@@ -369,13 +378,14 @@ def vesc_tool() -> File:
     )
 
 
-@_recorder(
-    "https://pds.nasa.gov/data/pds4/test-data/registry/urn-nasa-pds-insight_ida/data_raw_calibrated/"
-    "A0087_0243_618085132_618085132_190802185339_eu.csv",
-    "names and cells padded with spaces, four joints numbered in the names, two angle sensors a "
-    "joint, slow and uneven sampling, -99999 for nothing, hours beside seconds",
-)
+@_recorder
 def insight_arm() -> File:
+    """Names and cells padded with spaces, four joints numbered in the names, two angle sensors a
+    joint, slow and uneven sampling, -99999 for nothing, hours beside seconds.
+
+    Source:
+    https://pds.nasa.gov/data/pds4/test-data/registry/urn-nasa-pds-insight_ida/data_raw_calibrated/A0087_0243_618085132_618085132_190802185339_eu.csv
+    """
     run = joint_run(9, 2.5, 800.0, ratio=160.0, pace=0.02, amplitude=1.2)
     rows = run["time"].size
     run["time"] = run["time"] + np.random.default_rng(9).uniform(0.0, 0.03, rows)
@@ -423,13 +433,14 @@ def insight_arm() -> File:
 # laboratory recorders
 
 
-@_recorder(
-    "https://github.com/CagtayFabry/pytcs tests/data/tc3_scope_3_4_3145_3-default.csv; "
-    "https://infosys.beckhoff.com/content/1031/te13xx_tc3_scopeview/6193063051.html",
-    "twenty lines of preamble with a pair of cells for each channel, a time column for each "
-    "channel, one of them slower and so shorter, decimal comma, units in a row, EOF at the end",
-)
+@_recorder
 def twincat_scope() -> File:
+    """Twenty lines of preamble with a pair of cells for each channel, a time column for each
+    channel, one of them slower and so shorter, decimal comma, units in a row, EOF at the end.
+
+    Source: https://github.com/CagtayFabry/pytcs tests/data/tc3_scope_3_4_3145_3-default.csv;
+    https://infosys.beckhoff.com/content/1031/te13xx_tc3_scopeview/6193063051.html
+    """
     run = joint_run(10, 1000.0, 3.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
     clock = rec.channel(run, "time", "", "%d", 1e-3)
@@ -494,13 +505,14 @@ def twincat_scope() -> File:
     )
 
 
-@_recorder(
-    "https://ni.com/en/support/documentation/supplemental/06/"
-    "specification-for-the-labview-measurement-file---lvm-.html",
-    "two headers that end in ***End_of_Header***, units in a tag of the second, an empty column "
-    "Comment, tabs at the ends, CRLF",
-)
+@_recorder
 def labview_lvm() -> File:
+    """Two headers that end in ***End_of_Header***, units in a tag of the second, an empty column
+    Comment, tabs at the ends, CRLF.
+
+    Source:
+    https://ni.com/en/support/documentation/supplemental/06/specification-for-the-labview-measurement-file---lvm-.html
+    """
     run = joint_run(11, 200.0, 15.0, ratio=80.0)
     columns = [
         rec.channel(run, "time", "X_Value", "%.6f"),
@@ -548,12 +560,13 @@ def labview_lvm() -> File:
     )
 
 
-@_recorder(
-    "HBM catman, export as ASCII: 'Zeit  1 - Standardmessrate [s]' and units in brackets, tabs, "
-    "decimal comma, as public programs read it",
-    "two time columns with long names, Latin-1, decimal comma, a tab at the end of each line, kNm",
-)
+@_recorder
 def catman_ascii() -> File:
+    """Two time columns with long names, Latin-1, decimal comma, a tab at the end of each line, kNm.
+
+    Source: HBM catman, export as ASCII: 'Zeit  1 - Standardmessrate [s]' and units in brackets,
+    tabs, decimal comma, as public programs read it
+    """
     run = joint_run(12, 300.0, 10.0)
     rows = run["time"].size
     columns = rec.commas(
@@ -580,12 +593,14 @@ def catman_ascii() -> File:
     )
 
 
-@_recorder(
-    "https://manualshive.com/ru/manual/hioki/8807-01/2137496?page=286 (text file, internal format)",
-    "a preamble of quoted tags, names and units in rows of the preamble, five digits, so that the "
-    "times of later rows are uneven, logic inputs",
-)
+@_recorder
 def hioki_memory() -> File:
+    """A preamble of quoted tags, names and units in rows of the preamble, five digits, so that the
+    times of later rows are uneven, logic inputs.
+
+    Source: https://manualshive.com/ru/manual/hioki/8807-01/2137496?page=286 (text file, internal
+    format)
+    """
     run = joint_run(13, 400.0, 12.5, motion="sines")
     rows = run["time"].size
     columns = [
@@ -616,13 +631,15 @@ def hioki_memory() -> File:
     )
 
 
-@_recorder(
-    "Tektronix MDO3000 and MDO4000, Save Waveform as CSV: the header of a MDO3014 and a MDO4014B-3 "
-    "as public readers quote it (Model, Firmware Version, Waveform Type to Label and TIME,CH1)",
-    "twenty lines of preamble with settings of each channel, time that starts below zero, volts "
-    "instead of quantities, 8 bits, names in the row Label",
-)
+@_recorder
 def tektronix_mdo() -> File:
+    """Twenty lines of preamble with settings of each channel, time that starts below zero, volts
+    instead of quantities, 8 bits, names in the row Label.
+
+    Source: Tektronix MDO3000 and MDO4000, Save Waveform as CSV: the header of a MDO3014 and a
+    MDO4014B-3 as public readers quote it (Model, Firmware Version, Waveform Type to Label and
+    TIME,CH1)
+    """
     run = joint_run(14, 250.0, 16.0, motion="trapezoids")
     rows = run["time"].size
     run["sensor_voltage"] = run["sensor_torque"] * 0.05  # an amplifier of the bridge
@@ -673,12 +690,13 @@ def tektronix_mdo() -> File:
     )
 
 
-@_recorder(
-    "ETAS INCA and MDA, ASCII export: 'ETASAsciiItemFile record CrLf Tab', sampleCount, names, "
-    "types, units in quotes, as public programs write it",
-    "five rows before the data: kind, count, names with a device behind a backslash, types, units",
-)
+@_recorder
 def etas_inca() -> File:
+    """Five rows before the data: kind, count, names with a device behind a backslash, types, units.
+
+    Source: ETAS INCA and MDA, ASCII export: 'ETASAsciiItemFile record CrLf Tab', sampleCount,
+    names, types, units in quotes, as public programs write it
+    """
     run = joint_run(15, 200.0, 12.0, ratio=100.0)
     rows = run["time"].size
     table = [
@@ -707,12 +725,11 @@ def etas_inca() -> File:
     )
 
 
-@_recorder(
-    "",
-    "counts with their resolution in a preamble, torque in per mille of a rated torque that "
-    "stands there, status words in hex",
-)
+@_recorder
 def epos_studio() -> File:
+    """Counts with their resolution in a preamble, torque in per mille of a rated torque that stands
+    there, status words in hex.
+    """
     run = joint_run(16, 500.0, 5.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
     columns = [
@@ -749,12 +766,11 @@ def epos_studio() -> File:
     )
 
 
-@_recorder(
-    "",
-    "cp1252 with umlauts and °, time of day over midnight, decimal comma, words for booleans, a "
-    "motor that counts the other way, remarks in a last column",
-)
+@_recorder
 def excel_german() -> File:
+    """Cp1252 with umlauts and °, time of day over midnight, decimal comma, words for booleans, a
+    motor that counts the other way, remarks in a last column.
+    """
     run = joint_run(17, 100.0, 24.0, motion="trapezoids")
     rows = run["time"].size
     ms = np.rint(1e3 * (run["time"] + 86_390.0)).astype(int) % 86_400_000
@@ -790,12 +806,11 @@ def excel_german() -> File:
     )
 
 
-@_recorder(
-    "",
-    "UTF-16 with a byte order mark, tabs, days since 1899 as time, lbf·in and °F, quotes round a "
-    "name with a comma, two rows of a person's sums at the end",
-)
+@_recorder
 def excel_unicode_text() -> File:
+    """UTF-16 with a byte order mark, tabs, days since 1899 as time, lbf·in and °F, quotes round a
+    name with a comma, two rows of a person's sums at the end.
+    """
     run = joint_run(18, 100.0, 25.0, ratio=120.0)
     fahrenheit = 5.0 / 9.0
     columns = [
@@ -817,12 +832,11 @@ def excel_unicode_text() -> File:
     )
 
 
-@_recorder(
-    "",
-    "a first line sep=; after a byte order mark, units behind a slash, K, signs of another motor, "
-    "a separator at the end of each line",
-)
+@_recorder
 def excel_sep_line() -> File:
+    """A first line sep=; after a byte order mark, units behind a slash, K, signs of another motor,
+    a separator at the end of each line.
+    """
     run = joint_run(19, 250.0, 12.0, ratio=80.0, motion="trapezoids")
     rows = run["time"].size
     columns = rec.commas(
@@ -847,12 +861,11 @@ def excel_sep_line() -> File:
     )
 
 
-@_recorder(
-    "",
-    "cp932, Japanese names, units in a row of their own, kgf·cm, ℃ as one sign, date and time in "
-    "two columns",
-)
+@_recorder
 def japanese_logger() -> File:
+    """Cp932, Japanese names, units in a row of their own, kgf·cm, ℃ as one sign, date and time in
+    two columns.
+    """
     run = joint_run(20, 100.0, 25.0, ratio=50.0)
     rows = run["time"].size
     ms = np.rint(1e3 * run["time"]).astype(int) + 9 * 3_600_000 + 12 * 60_000 + 3_000
@@ -887,12 +900,11 @@ def japanese_logger() -> File:
     )
 
 
-@_recorder(
-    "",
-    "no header, the first line begun in its middle, the last cut off, a greeting between, counts, "
-    "µs since the board was switched on",
-)
+@_recorder
 def arduino_serial() -> File:
+    """No header, the first line begun in its middle, the last cut off, a greeting between, counts,
+    µs since the board was switched on.
+    """
     run = joint_run(21, 100.0, 30.0, ratio=100.0, amplitude=0.7)
     rows = run["time"].size
     run["time"] = np.round(run["time"] + np.random.default_rng(21).uniform(0, 8e-5, rows), 6)
@@ -921,12 +933,11 @@ def arduino_serial() -> File:
     )
 
 
-@_recorder(
-    "",
-    "ISO stamps with a time zone that changes to summer time in the middle, an index without a "
-    "name, True and False, words in a column",
-)
+@_recorder
 def pandas_iso() -> File:
+    """ISO stamps with a time zone that changes to summer time in the middle, an index without a
+    name, True and False, words in a column.
+    """
     run = joint_run(22, 200.0, 15.0, motion="trapezoids", ratio=160.0)
     rows = run["time"].size
     run["enabled"] = (run["time"] > 0.4).astype(float)
@@ -963,12 +974,11 @@ def pandas_iso() -> File:
     )
 
 
-@_recorder(
-    "",
-    "remarks behind //, ticks of 1 ms, counts whose resolution stands in a remark, words in hex, "
-    "a checksum, a motor that counts the other way and a sensor that reads the reaction",
-)
+@_recorder
 def stm32_swo() -> File:
+    """Remarks behind //, ticks of 1 ms, counts whose resolution stands in a remark, words in hex, a
+    checksum, a motor that counts the other way and a sensor that reads the reaction.
+    """
     run = joint_run(23, 500.0, 6.0, ratio=120.0, motion="sines")
     rows = run["time"].size
     columns = [
@@ -999,12 +1009,11 @@ def stm32_swo() -> File:
     )
 
 
-@_recorder(
-    "",
-    "columns aligned with spaces, names in the last of the lines behind #, nan, empty lines at a "
-    "restart of the writer, a last line behind #",
-)
+@_recorder
 def aligned_hash() -> File:
+    """Columns aligned with spaces, names in the last of the lines behind #, nan, empty lines at a
+    restart of the writer, a last line behind #.
+    """
     run = joint_run(24, 250.0, 12.0, ratio=100.0)
     rows = run["time"].size
     lost = np.random.default_rng(24).random(rows) < 0.004
@@ -1036,12 +1045,11 @@ def aligned_hash() -> File:
     )
 
 
-@_recorder(
-    "",
-    "Latin-1, three lines of preamble, names and units in two rows, decimal comma, a rotor angle "
-    "that wraps, torque without a side, compressed with xz",
-)
+@_recorder
 def payload_rig() -> File:
+    """Latin-1, three lines of preamble, names and units in two rows, decimal comma, a rotor angle
+    that wraps, torque without a side, compressed with xz.
+    """
     name = "Messung_01.csv.xz"
     content = (measured.data_folder() / "simulated_lab_logs" / "payload_rig" / name).read_bytes()
     lines = lzma.decompress(content).decode("latin1").splitlines()
@@ -1073,12 +1081,13 @@ def payload_rig() -> File:
 # binary files
 
 
-@_recorder(
-    "https://www.mathworks.com/help/simulink/ug/data-format-for-logged-simulation-data.html "
-    "(Structure With Time)",
-    "MAT of version 5, an array of structures, names and units in their labels, a second clock",
-)
+@_recorder
 def simulink_mat5() -> File:
+    """MAT of version 5, an array of structures, names and units in their labels, a second clock.
+
+    Source: https://www.mathworks.com/help/simulink/ug/data-format-for-logged-simulation-data.html
+    (Structure With Time)
+    """
     run = joint_run(25, 1000.0, 4.0, motion="sines")
     rows = run["time"].size
     signals = {
@@ -1103,12 +1112,11 @@ def simulink_mat5() -> File:
     )
 
 
-@_recorder(
-    "",
-    "MAT of version 7.3, which is HDF5: rows for columns, units and words as numbers of "
-    "characters, parameters beside the signals, references",
-)
+@_recorder
 def matlab_v73() -> File:
+    """MAT of version 7.3, which is HDF5: rows for columns, units and words as numbers of
+    characters, parameters beside the signals, references.
+    """
     run = joint_run(26, 500.0, 6.0, ratio=80.0, motion="trapezoids")
     signals = {
         "t": ("time", 1.0, "s"),
@@ -1151,12 +1159,11 @@ def _matlab_text(group: h5py.Group, name: str, text: str) -> None:
     data.attrs["MATLAB_int_decode"] = np.int32(2)
 
 
-@_recorder(
-    "",
-    "three joints in groups, of which an attribute names the one that is tested, attributes unit, "
-    "ns of an epoch, a temperature with fewer rows and a clock of its own",
-)
+@_recorder
 def hdf5_groups() -> File:
+    """Three joints in groups, of which an attribute names the one that is tested, attributes unit,
+    ns of an epoch, a temperature with fewer rows and a clock of its own.
+    """
     run = joint_run(27, 250.0, 12.0, ratio=160.0)
     rows = run["time"].size
     ticks = np.rint(run["time"] * 1e9).astype(np.uint64) + np.uint64(1_771_000_000_123_456_789)
@@ -1192,12 +1199,11 @@ def hdf5_groups() -> File:
     )
 
 
-@_recorder(
-    "",
-    "NumPy archive: names of one or two letters, single precision, facts in a JSON string, 101 "
-    "turns of the motor as the circular spline is the output",
-)
+@_recorder
 def numpy_npz() -> File:
+    """NumPy archive: names of one or two letters, single precision, facts in a JSON string, 101
+    turns of the motor as the circular spline is the output.
+    """
     run = joint_run(28, 400.0, 8.0, ratio=101.0)
     names = {
         "t": "time",
@@ -1227,12 +1233,11 @@ def numpy_npz() -> File:
     )
 
 
-@_recorder(
-    "",
-    "one NumPy array with named fields of integers: µs, counts without a resolution, mA, mNm, "
-    "tenths of °C, flags and a checksum",
-)
+@_recorder
 def numpy_structured() -> File:
+    """One NumPy array with named fields of integers: µs, counts without a resolution, mA, mNm,
+    tenths of °C, flags and a checksum.
+    """
     run = joint_run(29, 500.0, 6.0, ratio=50.0, motion="trapezoids")
     rows = run["time"].size
     fields = {

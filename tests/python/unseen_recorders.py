@@ -22,11 +22,11 @@ _recorder = rec.Recorders()
 # English
 
 
-@_recorder(
-    "tabs and CRLF, seconds since 1904, the motor's current in mA beside the supply's in A, two "
-    "temperatures, a torque sensor that reads the reaction, no velocity"
-)
+@_recorder
 def labview_spreadsheet() -> File:
+    """Tabs and CRLF, seconds since 1904, the motor's current in mA beside the supply's in A, two
+    temperatures, a torque sensor that reads the reaction, no velocity.
+    """
     run = joint_run(201, 200.0, 15.0, ratio=100.0, motion="trapezoids", from_zero=True)
     rows = run["time"].size
     supply = 0.35 + np.abs(run["duty"] * run["motor_current"]) + rec.white(201, 0.01, rows)
@@ -50,11 +50,11 @@ def labview_spreadsheet() -> File:
     )
 
 
-@_recorder(
-    "seconds of an epoch with jitter, an output angle that wraps at 360°, six components of a "
-    "force/torque sensor of which Mz is the joint's axis, Iq beside Id, half of it without a unit"
-)
+@_recorder
 def python_ft_sensor() -> File:
+    """Seconds of an epoch with jitter, an output angle that wraps at 360°, six components of a
+    force/torque sensor of which Mz is the joint's axis, Iq beside Id, half of it without a unit.
+    """
     run = joint_run(202, 200.0, 15.0, ratio=50.0, torque_constant=0.2, from_zero=True)
     rows = run["time"].size
     late = np.random.default_rng(202).uniform(0.0, 8e-4, rows)
@@ -88,12 +88,12 @@ def python_ft_sensor() -> File:
     )
 
 
-@_recorder(
-    "set points and following errors beside actual values, no unit but in the name of the clock, "
-    "torque in per cent of a rated torque that the file does not give, a filtered velocity, a "
-    "status word"
-)
+@_recorder
 def plc_axis() -> File:
+    """Set points and following errors beside actual values, no unit but in the name of the clock,
+    torque in per cent of a rated torque that the file does not give, a filtered velocity, a status
+    word.
+    """
     run = joint_run(203, 500.0, 8.0, ratio=100.0, motion="trapezoids")
     rows = run["time"].size
     run["output_velocity"] = rec.filtered(run["output_velocity"], 500.0, 4e-3)
@@ -129,11 +129,11 @@ def plc_axis() -> File:
     )
 
 
-@_recorder(
-    "the motor's side alone, counts and counts/s without a resolution, a commanded position that "
-    "is the motor's, the drive's temperature"
-)
+@_recorder
 def drive_recorder() -> File:
+    """The motor's side alone, counts and counts/s without a resolution, a commanded position that
+    is the motor's, the drive's temperature.
+    """
     run = joint_run(204, 1000.0, 4.0, ratio=100.0, pace=1.5, from_zero=True)
     rows = run["time"].size
     count = REV / 65536
@@ -166,11 +166,11 @@ def drive_recorder() -> File:
     )
 
 
-@_recorder(
-    "MAT of version 5, one vector for each quantity as a script saves them, no unit anywhere, the "
-    "motor's encoder counts the other way while the current does not, the ratio in a structure"
-)
+@_recorder
 def matlab_workspace() -> File:
+    """MAT of version 5, one vector for each quantity as a script saves them, no unit anywhere, the
+    motor's encoder counts the other way while the current does not, the ratio in a structure.
+    """
     run = joint_run(205, 500.0, 6.0, ratio=120.0)
     signals = {
         "t": ("time", 1.0),
@@ -194,11 +194,11 @@ def matlab_workspace() -> File:
     )
 
 
-@_recorder(
-    "HDF5 with one matrix for each quantity, a column for each of four joints of which JointPos[2] "
-    "moves, units in attributes, an integer clock in µs, single precision, 101 turns"
-)
+@_recorder
 def hdf5_matrices() -> File:
+    """HDF5 with one matrix for each quantity, a column for each of four joints of which JointPos[2]
+    moves, units in attributes, an integer clock in µs, single precision, 101 turns.
+    """
     run = joint_run(206, 500.0, 6.0, ratio=101.0, motion="trapezoids", amplitude=0.8)
     rows = run["time"].size
     matrices = {
@@ -234,11 +234,11 @@ def hdf5_matrices() -> File:
     )
 
 
-@_recorder(
-    "a monitor's time of day and an arrow before each line, a message of the sketch, a clock in ms "
-    "of the board, mA, a load cell at the output, a first line that is cut"
-)
+@_recorder
 def arduino_monitor() -> File:
+    """A monitor's time of day and an arrow before each line, a message of the sketch, a clock in ms
+    of the board, mA, a load cell at the output, a first line that is cut.
+    """
     run = joint_run(207, 50.0, 50.0, ratio=80.0, pace=0.8)
     columns = [
         rec.channel(run, "time", "millis", "%d", 1e-3, start=8_312),
@@ -268,11 +268,11 @@ def arduino_monitor() -> File:
 # German and Italian
 
 
-@_recorder(
-    "German in cp1252, a short preamble, units in a row of their own, decimal comma, the torque of "
-    "a measuring shaft, two temperatures that are numbered alone"
-)
+@_recorder
 def german_messwelle() -> File:
+    """German in cp1252, a short preamble, units in a row of their own, decimal comma, the torque of
+    a measuring shaft, two temperatures that are numbered alone.
+    """
     run = joint_run(208, 200.0, 20.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
     table = [
         (rec.channel(run, "time", "Zeit", "%.3f"), "s"),
@@ -305,11 +305,11 @@ def german_messwelle() -> File:
     )
 
 
-@_recorder(
-    "Italian in cp1252, decimal comma, ms, gradi and giri/min, angle, speed and current of a motor "
-    "that runs the other way"
-)
+@_recorder
 def italian_bench() -> File:
+    """Italian in cp1252, decimal comma, ms, gradi and giri/min, angle, speed and current of a motor
+    that runs the other way.
+    """
     run = joint_run(209, 250.0, 14.0, ratio=80.0, torque_constant=0.12)
     columns = rec.commas(
         [
@@ -336,11 +336,11 @@ def italian_bench() -> File:
 # English again
 
 
-@_recorder(
-    "NumPy archive: a clock in µs, counts of both sides with their resolutions in scalars beside "
-    "them, mA, a motor's encoder that starts at zero while the output's is absolute"
-)
+@_recorder
 def npz_counts() -> File:
+    """NumPy archive: a clock in µs, counts of both sides with their resolutions in scalars beside
+    them, mA, a motor's encoder that starts at zero while the output's is absolute.
+    """
     run = joint_run(210, 400.0, 10.0, ratio=100.0, motion="trapezoids", from_zero=True)
     fields = {
         "t_us": ("time", 1e-6, np.int64, 3_120_447),
@@ -364,11 +364,11 @@ def npz_counts() -> File:
     )
 
 
-@_recorder(
-    "ISO stamps with ms, des, act and err of position, velocity and torque, no unit but of the "
-    "temperature, a word for the state"
-)
+@_recorder
 def joint_controller_iso() -> File:
+    """ISO stamps with ms, des, act and err of position, velocity and torque, no unit but of the
+    temperature, a word for the state.
+    """
     run = joint_run(211, 250.0, 16.0, ratio=160.0, torque_constant=0.06)
     rows = run["time"].size
     stamps, run["time"] = rec.stamps(run["time"], "2026-04-17T07:58:40.216", "ms")
@@ -407,11 +407,11 @@ def joint_controller_iso() -> File:
     )
 
 
-@_recorder(
-    "remarks behind #, a clock in µs, a motor angle that wraps at 360°, the bridge in mV beside a "
-    "reference torque, no velocity and no calibrated torque of the sensor"
-)
+@_recorder
 def sensor_bench() -> File:
+    """Remarks behind #, a clock in µs, a motor angle that wraps at 360°, the bridge in mV beside a
+    reference torque, no velocity and no calibrated torque of the sensor.
+    """
     run = joint_run(212, 500.0, 8.0, ratio=120.0, motion="trapezoids", torque_constant=0.15)
     run["sensor_voltage"] = 1e-3 * (0.52 * run["sensor_torque"] + 0.31)
     columns = [
