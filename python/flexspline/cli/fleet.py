@@ -22,6 +22,7 @@ from flexspline.cli.options import (
     Command,
     Reading,
     Taught,
+    asked_of_fit,
     bandwidth,
     effects_by_target,
     exclude,
@@ -171,10 +172,7 @@ def track(
             target=target,
             model=model,
             effects=effects,
-            orders=options["orders"],
-            fixed=options["fix"],
-            known_load=options["known_load"],
-            bandwidth=options["bandwidth"],
+            **asked_of_fit(options),
             dates=dates,
             columns=reading.columns,
             threads=options["threads"],
@@ -554,14 +552,9 @@ def _base(names: str | None, model_path: str | None, target: str | None) -> dict
 
 def _of_the_fit(options: Mapping[str, Any]) -> dict[str, Any]:
     """How the runs of each joint are fitted, and who works."""
-    return {
-        "orders": options["orders"] or None,
-        "fixed": options["fix"] or None,
-        "known_load": options["known_load"],
-        "lowpass": options["lowpass"],
-        "bandwidth": options["bandwidth"],
-        **_work(options),
-    }
+    asked = asked_of_fit(options)
+    given = {"orders": asked["orders"] or None, "fixed": asked["fixed"] or None}
+    return {**asked, **given, **_work(options)}
 
 
 def _work(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -52,6 +52,7 @@ __all__ = [
     "Listed",
     "Reading",
     "Taught",
+    "asked_of_fit",
     "bandwidth",
     "by_motion",
     "channels",
@@ -430,6 +431,13 @@ def of_a_fit(command: Command) -> Command:
     for add in (fixed, orders, bandwidth, lowpass, known_load):
         command = add(command)
     return command
+
+
+def asked_of_fit(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the options of `of_a_fit` say, of those that a command has, as arguments."""
+    named = {"orders": "orders", "fixed": "fix"}
+    named |= {name: name for name in ("known_load", "lowpass", "bandwidth")}
+    return {name: options[option] for name, option in named.items() if option in options}
 
 
 def out_files(command: Command) -> Command:
