@@ -44,6 +44,18 @@ struct Shape {
 };
 inline constexpr std::string_view of_model = "model";
 
+/// Half-width of the change of direction, a field that friction effects share.
+template <typename Effect, typename S>
+constexpr Shape<Effect, S> direction_width_shape() noexcept {
+  return {"direction_width", "rad/s", &Effect::direction_width, S(1e-4), S(0.5), true, of_model};
+}
+
+/// Temperature at which an effect without its dependence on it holds alone: a convention.
+template <typename Effect, typename S>
+constexpr Shape<Effect, S> reference_temperature_shape() noexcept {
+  return {"reference_temperature", "°C", &Effect::reference_temperature, S(-50), S(150), false};
+}
+
 /// What may drive an effect that remembers, and the shape that is its width then. Where an effect
 /// has several, its shape `path` is the number of the one in use; it reads that channel alone.
 struct Path {

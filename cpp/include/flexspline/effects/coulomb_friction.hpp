@@ -28,9 +28,7 @@ struct CoulombFriction {
                                  ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<CoulombFriction, S>{"direction_width", "rad/s",
-                                                &CoulombFriction::direction_width, S(1e-4), S(0.5),
-                                                true, of_model}};
+    return std::array{direction_width_shape<CoulombFriction, S>()};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

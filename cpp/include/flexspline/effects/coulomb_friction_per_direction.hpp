@@ -29,9 +29,7 @@ struct CoulombFrictionPerDirection {
                                  ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<CoulombFrictionPerDirection, S>{
-        "direction_width", "rad/s", &CoulombFrictionPerDirection::direction_width, S(1e-4), S(0.5),
-        true, of_model}};
+    return std::array{direction_width_shape<CoulombFrictionPerDirection, S>()};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

@@ -27,9 +27,7 @@ struct GainTemperatureDependence {
   S reference_temperature = S(25);  ///< °C, where gain_error holds alone
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<GainTemperatureDependence, S>{
-        "reference_temperature", "°C", &GainTemperatureDependence::reference_temperature, S(-50),
-        S(150), false}};
+    return std::array{reference_temperature_shape<GainTemperatureDependence, S>()};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

@@ -27,9 +27,7 @@ struct LoadDependentFriction {
                                  ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<LoadDependentFriction, S>{"direction_width", "rad/s",
-                                                      &LoadDependentFriction::direction_width,
-                                                      S(1e-4), S(0.5), true, of_model}};
+    return std::array{direction_width_shape<LoadDependentFriction, S>()};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

@@ -34,9 +34,7 @@ struct PositionDependentFriction {
                                  ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<PositionDependentFriction, S>{
-        "direction_width", "rad/s", &PositionDependentFriction::direction_width, S(1e-4), S(0.5),
-        true, of_model}};
+    return std::array{direction_width_shape<PositionDependentFriction, S>()};
   }
 
   constexpr Row<S, 6> row(const Sample<S>& at) const noexcept {

@@ -40,8 +40,7 @@ struct StribeckFriction {
     return std::array{
         Shape<StribeckFriction, S>{"stribeck_velocity", "rad/s",
                                    &StribeckFriction::stribeck_velocity, S(1e-3), S(10), true},
-        Shape<StribeckFriction, S>{"direction_width", "rad/s", &StribeckFriction::direction_width,
-                                   S(1e-4), S(0.5), true, of_model}};
+        direction_width_shape<StribeckFriction, S>()};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

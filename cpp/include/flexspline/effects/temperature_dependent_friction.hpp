@@ -30,9 +30,7 @@ struct TemperatureDependentFriction {
   S reference_temperature = S(25);  ///< °C, where viscous_friction holds alone
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<TemperatureDependentFriction, S>{
-        "reference_temperature", "°C", &TemperatureDependentFriction::reference_temperature, S(-50),
-        S(150), false}};
+    return std::array{reference_temperature_shape<TemperatureDependentFriction, S>()};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

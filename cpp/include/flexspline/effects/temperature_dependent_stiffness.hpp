@@ -29,13 +29,10 @@ struct TemperatureDependentStiffness {
   S reference_temperature = S(25);  ///< °C, where mesh_compliance holds alone
 
   static constexpr auto shapes() noexcept {
-    return std::array{
-        Shape<TemperatureDependentStiffness, S>{"mesh_shape", "1/Nm",
-                                                &TemperatureDependentStiffness::mesh_shape, S(1e-4),
-                                                S(10), true, "mesh_compliance"},
-        Shape<TemperatureDependentStiffness, S>{
-            "reference_temperature", "°C", &TemperatureDependentStiffness::reference_temperature,
-            S(-50), S(150), false}};
+    return std::array{Shape<TemperatureDependentStiffness, S>{
+                          "mesh_shape", "1/Nm", &TemperatureDependentStiffness::mesh_shape, S(1e-4),
+                          S(10), true, "mesh_compliance"},
+                      reference_temperature_shape<TemperatureDependentStiffness, S>()};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

@@ -25,9 +25,7 @@ struct TemperatureDrift {
   S reference_temperature = S(25);  ///< °C, where the drift is counted from
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<TemperatureDrift, S>{"reference_temperature", "°C",
-                                                 &TemperatureDrift::reference_temperature, S(-50),
-                                                 S(150), false}};
+    return std::array{reference_temperature_shape<TemperatureDrift, S>()};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {
