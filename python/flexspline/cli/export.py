@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import click
 
 from flexspline.cli.options import (
     FILE,
+    Command,
     LateChoice,
     Reading,
     Taught,
@@ -57,6 +58,13 @@ def _devices() -> Iterable[str]:
     return DEVICES
 
 
+def _one_of(
+    *names: str, among: Callable[[], Iterable[str]], says: str
+) -> Callable[[Command], Command]:
+    """An option that has to be given, one of the names that `among` returns."""
+    return click.option(*names, type=LateChoice(among), required=True, help=says)
+
+
 def _listed() -> tuple[str, list[tuple[str, str]]]:
     from flexspline.exporting import EXPORTS
 
@@ -67,13 +75,7 @@ def _listed() -> tuple[str, list[tuple[str, str]]]:
 @click.argument("runs", nargs=-1, metavar="[RUN.csv...]", type=FILE)
 @model
 @model_joint
-@click.option(
-    "--format",
-    "form",
-    type=LateChoice(_formats),
-    required=True,
-    help="In which the model leaves; each is told below.",
-)
+@_one_of("--format", "form", among=_formats, says="In which the model leaves; each is told below.")
 @click.option(
     "--scalar",
     type=click.Choice(("float", "double")),
@@ -221,11 +223,10 @@ def _tell_losses(joint: PlainJoint) -> None:
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("run", metavar="RUN.csv", type=FILE)
 @model
-@click.option(
+@_one_of(
     "--device",
-    type=LateChoice(_devices),
-    required=True,
-    help="host: this machine; the others are compiled with arm-none-eabi-g++ and run by QEMU.",
+    among=_devices,
+    says="host: this machine; the others are compiled with arm-none-eabi-g++ and run by QEMU.",
 )
 @click.option(
     "--option",
