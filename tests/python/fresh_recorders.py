@@ -258,10 +258,11 @@ def matlab_nested() -> File:
     units = {name: unit for name, (_, _, unit) in signals.items()}
     content = io.BytesIO()
     savemat(content, {"log": {"data": data, "units": units, "operator": "jm"}})
-    return File(
+    return rec.of_run(
         "log_0412.mat",
         content.getvalue(),
-        **rec.kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
+        run,
+        {channel: 0.0 for channel, _, _ in signals.values()},
         facts={"gear_ratio": 101},
     )
 
@@ -291,10 +292,11 @@ def hdf5_frame() -> File:
         frame.create_dataset("values", data=np.stack(values, axis=1))
         frame.create_dataset("columns", data=np.array([name.encode() for name in names]))
     steps = {channel: 0.0 for channel, _ in signals.values()}
-    return File(
+    return rec.of_run(
         "run_12.h5",
         buffer.getvalue(),
-        **rec.kept(run, steps | {"time": 2.0**-22, "temperature": 2.0**-43}),
+        run,
+        steps | {"time": 2.0**-22, "temperature": 2.0**-43},
         facts={"gear_ratio": 50},
     )
 

@@ -217,10 +217,11 @@ def json_lines() -> File:
         lines.append(json.dumps(entry))
     lines.append(json.dumps({"event": "stop", "rows": rows}))
     steps = {"time": 1e-6} | dict.fromkeys(names.values(), 1e-6)
-    return File(
+    return rec.of_run(
         "elbow_telemetry.jsonl",
         rec.text(lines),
-        **rec.kept(run, steps),
+        run,
+        steps,
         facts={"gear_ratio": 80},
         ambiguous={"temperature": rec.WHERE},
     )
@@ -370,10 +371,11 @@ def pandas_multiindex() -> File:
         "time output_position output_velocity sensor_torque motor_position motor_current "
         "motor_temperature"
     )
-    return File(
+    return rec.of_run(
         "joint_38_wide.csv",
         frame.to_csv(lineterminator="\n").encode(),
-        **rec.kept(run, dict.fromkeys(names.split(), 0.0)),
+        run,
+        dict.fromkeys(names.split(), 0.0),
         facts={"gear_ratio": 160},
         ambiguous={
             "sensor_torque": rec.OWN_OR_BESIDE,

@@ -333,9 +333,15 @@ def table(
     return file(name, text(written, newline, encoding), columns, **more)
 
 
-def kept(run: Mapping[str, Array], arrays: Mapping[str, float]) -> dict[str, object]:
-    """Truth and steps of channels that a binary file holds in steps of `arrays`."""
-    return {"truth": {name: run[name] for name in arrays}, "steps": dict(arrays)}
+def of_run(
+    name: str,
+    content: bytes,
+    run: Mapping[str, Array],
+    steps: Mapping[str, float],
+    **more: Mapping[str, object],
+) -> File:
+    """A file whose content holds channels of a run, each in its step."""
+    return File(name, content, {channel: run[channel] for channel in steps}, dict(steps), **more)
 
 
 def single(run: Mapping[str, Array], channels: Iterable[str]) -> dict[str, float]:

@@ -965,10 +965,11 @@ def pandas_iso() -> File:
         "reference_torque": 0.0,
         "commanded_position": 0.0,
     }
-    return File(
+    return rec.of_run(
         "run_j4.csv",
         frame.to_csv(lineterminator="\n").encode(),
-        **rec.kept(run, {"time": 1e-6, **names}),
+        run,
+        {"time": 1e-6, **names},
         facts={"gear_ratio": 160},
         ambiguous={"reference_torque": "ft_sensor may be the joint's own or one beside it"},
     )
@@ -1107,8 +1108,8 @@ def simulink_mat5() -> File:
     tout = np.arange(rows * 2)[:, None] / 2000.0
     savemat(content, {"ScopeData": scope, "tout": tout, "Kp": 450.0}, do_compression=True)
     channels = {"time": 0.0} | {c: 0.0 for c, _ in signals.values() if c}
-    return File(
-        "scope_run3.mat", content.getvalue(), **rec.kept(run, channels), facts={"gear_ratio": 100}
+    return rec.of_run(
+        "scope_run3.mat", content.getvalue(), run, channels, facts={"gear_ratio": 100}
     )
 
 
@@ -1144,10 +1145,11 @@ def matlab_v73() -> File:
     head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Tue Feb 10 09:12:44 2026 HDF5"
     block = head.ljust(116) + b" " * 8 + b"\x00\x02IM"
     content = block.ljust(512, b"\x00") + buffer.getvalue()[512:]
-    return File(
+    return rec.of_run(
         "elbow_log.mat",
         content,
-        **rec.kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
+        run,
+        {channel: 0.0 for channel, _, _ in signals.values()},
         facts={"gear_ratio": 80},
         ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
     )
@@ -1188,10 +1190,11 @@ def hdf5_groups() -> File:
         room = file.create_group("ambient")
         room.create_dataset("time", data=ticks[:: rows // 12]).attrs["unit"] = "ns"
         room.create_dataset("temperature", data=np.full(12, 22.4)).attrs["unit"] = "degC"
-    return File(
+    return rec.of_run(
         "rig_2026-02-13.h5",
         buffer.getvalue(),
-        **rec.kept(run, {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()}),
+        run,
+        {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()},
         facts={"gear_ratio": 160},
         ambiguous={
             "sensor_torque": "torque may be that of the motor or that of the joint's sensor"
@@ -1221,10 +1224,11 @@ def numpy_npz() -> File:
     facts = {"gear_ratio": 100, "output_spline": "circular", "operator": "AB"}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays, meta=np.array(json.dumps(facts)), fs=np.array(400.0))
-    return File(
+    return rec.of_run(
         "run_28.npz",
         buffer.getvalue(),
-        **rec.kept(run, rec.single(run, names.values()) | {"time": 0.0}),
+        run,
+        rec.single(run, names.values()) | {"time": 0.0},
         facts={"gear_ratio": 101},
         ambiguous={
             "gear_ratio": "101 turns; JSON in meta says 100 with the circular spline at the output",
@@ -1256,10 +1260,11 @@ def numpy_structured() -> File:
     array["crc"] = np.random.default_rng(29).integers(0, 65536, rows)
     buffer = io.BytesIO()
     np.save(buffer, array)
-    return File(
+    return rec.of_run(
         "capture.npy",
         buffer.getvalue(),
-        **rec.kept(run, {channel: unit for channel, unit, _ in fields.values()}),
+        run,
+        {channel: unit for channel, unit, _ in fields.values()},
         ambiguous={
             "output_position": "counts without a resolution",
             "motor_position": "counts without a resolution",

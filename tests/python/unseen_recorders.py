@@ -185,10 +185,11 @@ def matlab_workspace() -> File:
     params = {"N": 120.0, "kt": 0.1, "J_m": 6.25e-5, "Ts": 2e-3}
     savemat(content, {**vectors, "params": params, "test_name": "sine sweep, 2 kg"})
     channels = [channel for channel, _ in signals.values()]
-    return File(
+    return rec.of_run(
         "sine_2kg_run1.mat",
         content.getvalue(),
-        **rec.kept(run, dict.fromkeys(channels, 0.0)),
+        run,
+        dict.fromkeys(channels, 0.0),
         facts={"gear_ratio": 120},
         ambiguous=dict.fromkeys(channels[1:], rec.NO_UNIT),
     )
@@ -223,10 +224,11 @@ def hdf5_matrices() -> File:
             data = np.stack(joints, axis=1).astype(np.float32)
             file.create_dataset(name, data=data).attrs["unit"] = word
     channels = [channel for channel, _, _, _ in matrices.values()]
-    return File(
+    return rec.of_run(
         "arm4_elbow.h5",
         buffer.getvalue(),
-        **rec.kept(run, {"time": 1e-6} | rec.single(run, channels)),
+        run,
+        {"time": 1e-6} | rec.single(run, channels),
         facts={"gear_ratio": 101},
         ambiguous={
             "sensor_torque": "a joint's torque may be measured in it or made from the current",
@@ -356,10 +358,11 @@ def npz_counts() -> File:
     }
     buffer = io.BytesIO()
     np.savez(buffer, **arrays, enc_out_cpr=np.array(2**19), enc_mot_cpr=np.array(8192))
-    return File(
+    return rec.of_run(
         "step_test_a.npz",
         buffer.getvalue(),
-        **rec.kept(run, {channel: step for channel, step, _, _ in fields.values()}),
+        run,
+        {channel: step for channel, step, _, _ in fields.values()},
         facts={"gear_ratio": 100},
     )
 
