@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from functools import cache
+import sys
+from collections.abc import Callable
+from functools import cache, partial
 from itertools import pairwise, product
+from pathlib import Path
 from types import SimpleNamespace
 
 import comparison_logs as rig
@@ -32,6 +35,11 @@ from flexspline.logs.derive import velocity_noise
 from flexspline.logs.segments import since_reversal
 from flexspline.model import Model, Part
 from flexspline.rigs.sensor import Recorder, sensor_rig
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
+
+from hidden.cases import recorded_cases
+from hidden.recorded import recorded
 
 CLEAN = 100
 WHERE = [
@@ -106,6 +114,30 @@ def test_a_proxy_yields_to_what_does_nearly_as_well(others: float, name: str) ->
     found, also = winner(gains, 1.0, 1.0, len(gains))
     assert found == name
     assert "temperature" in also  # in more cells, it is below its level by itself
+
+
+@cache
+def of_a_robot() -> Comparison:
+    """Gravity is hidden, and velocity by differences is noise where this joint is slow."""
+    (case,) = (one for one in recorded_cases("robot", 111) if one.number == 264)
+    made = recorded(case)
+    fit = flexspline.fit(made.base, made.logs, case.target)
+    return flexspline.compare(fit.model, made.logs, target=case.target)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [of_the_demo, of_a_robot, *(partial(rig.comparison, hidden) for hidden, _, _ in WHERE)],
+)
+def test_what_is_followed_is_above_the_floor_and_no_more_than_the_gap(
+    made: Callable[[], Comparison],
+) -> None:
+    found = made()
+    assert found.follows
+    assert found.noise_floor < found.rmse
+    assert found.excess**2 == pytest.approx(found.rmse**2 - found.noise_floor**2)
+    assert all(one.share > 0.0 for one in found.follows)
+    assert sum(one.share for one in found.follows) < 1.005  # whole per cent are printed
 
 
 def test_nothing_hidden_is_down_at_the_noise_floor() -> None:

@@ -454,14 +454,26 @@ class OrderPeak:
 
 
 def overall(rows: Rows, memory: Memory, found: Search, test: CellTests) -> Band:
-    """Return the band of all rows."""
+    """Return the band of all rows.
+
+    What the residual follows is above the floor, though the velocity's noise may explain as much:
+    its gain is less what that noise may shift.
+    """
     cells = np.zeros(len(rows), dtype=np.int16)
     one = np.zeros(1, dtype=np.intp)
     whole = Covariate("all", "all rows", "", None, ("all rows",), cells, one, one - 1)
     (band,) = bands_of(whole, rows, memory, found, test, len(found.chances))
     chance = min((step.chance for step in found.steps), default=min(found.chances.values()))
     chance = min(1.0, chance * len(found.chances))
-    return replace(band, chance=chance, significant=bool(found.steps))
+    square = band.rmse**2
+    most = max(square - sum(step.gain for step in found.steps), found.floor_square)
+    floor = min(band.noise_floor, float(np.sqrt(min(most, square))))
+    error = band.noise_floor_error * (floor / band.noise_floor if band.noise_floor else 1.0)
+    excess = float(np.sqrt(square - floor**2))
+    return replace(
+        band, noise_floor=floor, noise_floor_error=error, excess=excess, chance=chance,
+        significant=bool(found.steps),
+    )  # fmt: skip
 
 
 def bands_of(
