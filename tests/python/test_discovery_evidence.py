@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+import flexspline
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 
 from elsewhere_effects import tried as elsewhere
@@ -21,6 +23,7 @@ from flexspline.discovery.evidence import Dictionary, cone_gain, cone_threshold,
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.regression.gram import Table
+from flexspline.rigs.sensor import Recorder, sensor_rig
 
 
 def test_the_best_of_many_candidates_in_many_forms_passes_its_threshold_as_often_as_said() -> None:
@@ -129,3 +132,20 @@ def test_two_names_take_the_place_of_one_that_stood_for_both() -> None:
     """Viscous and Stribeck friction are near one bent viscous friction."""
     made = elsewhere(389)
     assert made.right and {*made.names} == {"viscous_friction", "stribeck_friction"}, made
+
+
+@pytest.mark.parametrize("has", ["base", "names"])
+def test_a_sine_is_gravity_or_the_first_order_of_a_ripple_that_has_others(has: str) -> None:
+    """The rig's sensor ripples once and twice per turn; no motion tells the first from gravity."""
+    logs = sensor_rig(3, rate=200.0, seed=10, recorder=Recorder()).logs
+    base = [
+        "offset", "coulomb_friction", "viscous_friction", "stribeck_friction", "inertia",
+        "temperature_drift", effect("wave_generator_ripple", orders=[2]),
+        *([effect("output_ripple", orders=[2])] if has == "base" else []),
+    ]  # fmt: skip
+    found = flexspline.discover(base, logs, target="sensor_torque")
+    assert {*found.names} == ({"gravity"} if has == "base" else {"gravity", "output_ripple"})
+    (sine,) = (one for one in found.found if one.effect == "gravity")
+    assert sine.indistinguishable_from == ("output_ripple",) and sine.confidence <= 0.5
+    assert "do not tell it from order 1 of output_ripple" in sine.evidence
+    assert "Turn the joint's axis upright" in str(found.next_experiment)

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.basis import Functions, channel_told, flexible_basis
-from flexspline.discovery.evidence import Offer, offers, threshold
+from flexspline.discovery.candidates import Candidate
+from flexspline.discovery.evidence import Dictionary, Offer, dictionary_of, offers, threshold
 from flexspline.discovery.search import SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
@@ -131,32 +132,63 @@ class Rival:
 def rivals_of(searcher: Searcher, work: CandidateModel, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
     dictionary = searcher.context.dictionary(work, searcher.whitening, without=[effect.name])
-    rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
-    own, gain_of = dictionary.gain(effect.name), dictionary.table.gain
+    own = dictionary.gain(effect.name)
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
-    others = (o for o in offers(dictionary, rest) if o.effect.name != effect.name)
-    made = [(gain_of(mine, np.concatenate([rest, o.columns])), o) for o in others]
+    made = [*_offered(dictionary, effect), *_more_orders(searcher, work, effect)]
     found = []
-    for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
+    for rank, (kept, more, offer) in enumerate(sorted(made, key=lambda one: one[0])):
         gain = offer.gain
         if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
             kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
             if searcher.forbidden(trial, offer.effect.name):
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-        more = gain_of(offer.columns, dictionary.model) - len(offer.columns)
-        adds = float(np.sqrt(max(more, 0.0)))
+        adds = float(np.sqrt(max(more - len(offer.columns), 0.0)))
         found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
     return sorted(found, key=lambda rival: -rival.gain)
+
+
+def _offered(dictionary: Dictionary, effect: Effect) -> list[tuple[float, float, Offer]]:
+    """Offers in the place of an effect: what it keeps beside each, and each beside it, in χ²."""
+    rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
+    gain_of = dictionary.table.gain
+    return [
+        (gain_of(mine, np.append(rest, o.columns)), gain_of(o.columns, dictionary.model), o)
+        for o in offers(dictionary, rest)
+        if o.effect.name != effect.name and len(o.columns)
+    ]
+
+
+def _more_orders(
+    searcher: Searcher, work: CandidateModel, effect: Effect
+) -> list[tuple[float, float, Offer]]:
+    """As `_offered`, orders that other effects of the model may have beside those that they have.
+
+    A sine of the angle is gravity, or the first order of a ripple whose second one is named.
+    """
+    context, more = searcher.context, list[Candidate]()
+    for other in (e for e in work.effects if e.harmonics and e.name != effect.name):
+        rest = [e for e in work.effects if e.name not in (effect.name, other.name)]
+        new = context.orders_of([other.name], rest).get(other.name, ())
+        atoms = tuple(other.with_orders([h]) for h in new if h not in other.harmonics)
+        if atoms:
+            more.append(Candidate(other.name, (other,), (atoms,)))
+    if not more:
+        return []
+    wanted = [atom for one in more for atom in one.effects]
+    beside = dictionary_of(context.problem, work, wanted, searcher.whitening)
+    return _offered(replace(beside, candidates=tuple(more)), effect)
 
 
 def simplest(searcher: Searcher, work: CandidateModel) -> CandidateModel:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
-        equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
+        there = {e.name for e in work.effects}
+        equals = [r.effect for r in rivals if r.name not in there
+                  and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break
@@ -173,10 +205,19 @@ def _refitted(
 ) -> tuple[float, float, CandidateModel]:
     """Gain of the effect beside a rival with fitted shapes; the rival's in its place, and there."""
     others = work.without(effect.name)
-    trial, squares = searcher.fitted(others.with_effects(offer.effect))
+    trial, squares = searcher.fitted(_with(others, offer.effect))
     _, both = searcher.fitted(trial.with_effects(effect))
     without = searcher.fitted(others)[1]
     return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial
+
+
+def _with(work: CandidateModel, effect: Effect) -> CandidateModel:
+    """The model with an effect, or with more orders of one that it has."""
+    own = next((e for e in work.effects if e.name == effect.name), None)
+    if own is None:
+        return work.with_effects(effect)
+    both = own.with_orders([*own.harmonics, *effect.harmonics])
+    return work.having([both if e is own else e for e in work.effects])
 
 
 @dataclass(frozen=True, eq=False)

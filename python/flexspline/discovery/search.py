@@ -49,7 +49,7 @@ from flexspline.discovery.physics import (
     level_of,
 )
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import UNITS, Effect
+from flexspline.effects import UNITS, Effect, Harmonic
 from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
@@ -121,12 +121,17 @@ class SearchContext:
         """Return what may be missing beside a model."""
         orders, made = self.known.get(tuple(model), (None, []))
         if orders is not self.orders:
-            facts = self.problem.runs[0].log.facts
-            names, span = [e.name for e in self.possible], span_of(self.problem)
-            orders_of = order_candidates(names, facts, self.orders, model, self.target, span)
+            orders_of = self.orders_of([e.name for e in self.possible], model)
             made = candidates_for(model, self.possible, self.problem, orders_of)
             self.known[tuple(model)] = self.orders, made
         return made
+
+    def orders_of(
+        self, names: Sequence[str], model: Sequence[Effect]
+    ) -> dict[str, tuple[Harmonic, ...]]:
+        """Return the orders that ripple effects of these names may have beside a model."""
+        facts, span = self.problem.runs[0].log.facts, span_of(self.problem)
+        return order_candidates(names, facts, self.orders, model, self.target, span)
 
     def dictionary(
         self, work: CandidateModel, whitening: Whitening, *, without: Sequence[str] = ()
