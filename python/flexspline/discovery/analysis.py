@@ -23,6 +23,7 @@ from flexspline.discovery.search import SearchContext, Searcher, form_of, freedo
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
+from flexspline.errors import listed
 from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.checks.dependence import Dependence, dependences
@@ -58,7 +59,8 @@ class Rival:
     `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
     one of which each of them reads, if in these runs one is nearly a function of the other; else
     empty. `moved`: by how much the forms of the other names may move a gain, in χ². `counted`: of a
-    t of the search, what the final fit bears out.
+    t of the search, what the final fit bears out. `more`: whether these are orders that an effect
+    of the model may have beside its own.
     """
 
     effect: Effect
@@ -70,10 +72,19 @@ class Rival:
     tied: tuple[str, ...] = ()
     moved: float = 0.0
     counted: float = 1.0
+    more: bool = False
 
     @property
     def name(self) -> str:
         return self.effect.name
+
+    @property
+    def words(self) -> str:
+        """The name; of more orders, which."""
+        if not self.more:
+            return self.name
+        orders = [str(order) for order, _ in self.effect.harmonics]
+        return f"{'order' if len(orders) == 1 else 'orders'} {listed(orders)} of {self.name}"
 
     @property
     def share(self) -> float:
@@ -146,7 +157,8 @@ def rivals_of(searcher: Searcher, work: CandidateModel, effect: Effect) -> list[
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         adds = float(np.sqrt(max(more - len(offer.columns), 0.0)))
-        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
+        more_of = offer.effect.name in [e.name for e in work.effects]
+        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved, more=more_of))
     return sorted(found, key=lambda rival: -rival.gain)
 
 
@@ -186,9 +198,8 @@ def simplest(searcher: Searcher, work: CandidateModel) -> CandidateModel:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
-        there = {e.name for e in work.effects}
-        equals = [r.effect for r in rivals if r.name not in there
-                  and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
+        equals = [r.effect for r in rivals
+                  if not r.more and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break

@@ -278,18 +278,10 @@ def _evidence(
     if others:
         best = others[0]
         said += (
-            f"; the next best in its place, {_named(best, made)}, explains "
+            f"; the next best in its place, {best.words}, explains "
             f"{percent(best.share)} of that and leaves it t = {best.keeps:.1f}"
         )
-    told = [f"{_named(r, made)} ({r.why(effect.name)})" for r in rivals if r.alias]
+    told = [f"{r.words} ({r.why(effect.name)})" for r in rivals if r.alias]
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."
-
-
-def _named(rival: Rival, made: Analysis) -> str:
-    """The name of a rival; where the model has that effect, which more orders of it."""
-    if rival.name not in [effect.name for effect in made.final.effects]:
-        return rival.name
-    orders = [f"{order}" for order, _ in rival.effect.harmonics]
-    return f"{'order' if len(orders) == 1 else 'orders'} {listed(orders)} of {rival.name}"

@@ -205,6 +205,12 @@ class Found:
         """The best other candidate in its place."""
         return self.rivals[0].name if self.rivals else None
 
+    @property
+    def others(self) -> tuple[str, ...]:
+        """`indistinguishable_from` in words: of an effect that is in the model, which orders."""
+        words = {rival.name: rival.words for rival in self.rivals}
+        return tuple(words.get(name, name) for name in self.indistinguishable_from)
+
 
 @dataclass(frozen=True)
 class NoiseFloor:
