@@ -122,7 +122,7 @@ def test_the_floor_is_below_what_is_left_by_what_is_said_to_be_unexplained(
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_headline_and_the_table_below_it_say_one_error(name: str, made: Discoveries) -> None:
-    """A name that remembers leaves rows out, for the base too."""
+    """A name that remembers leaves out rows that count in the base."""
     found = made[name]
     (whole,) = (part for part in found.slices if part.group == "all")
     assert whole.base == pytest.approx(found.base_rmse, rel=1e-12)

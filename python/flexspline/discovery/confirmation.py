@@ -281,19 +281,12 @@ def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
 
 
 def _steps(made: Analysis, fit: Fit, left_by: Callable[[CandidateModel], Residuals]) -> Steps:
-    """Each model over the rows that count in all: of the last, which remembers longest."""
+    before = _left(made, made.base, left_by)
     if not made.final.named:
-        before = _left(made, made.base, left_by)
         return Steps(before, before, [rmse_of(before)])
+    between = [rmse_of(_left(made, work, left_by)) for work in made.nested[1:-1]]
     after = tuple(run.held_out for run in fit.runs)
-    models = [
-        tuple(
-            np.where(np.isfinite(last), rows, np.nan)
-            for rows, last in zip(_left(made, model, left_by), after, strict=True)
-        )
-        for model in made.nested[:-1]
-    ]
-    return Steps(models[0], after, [*map(rmse_of, models), fit.cv_rmse])
+    return Steps(before, after, [rmse_of(before), *between, fit.cv_rmse])
 
 
 def _left(

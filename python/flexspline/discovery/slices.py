@@ -34,6 +34,7 @@ from flexspline.logs.derive import velocity_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
 from flexspline.orders.parts import effective_ratio, output_angle
+from flexspline.regression.candidate_model import rmse_of
 
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
@@ -173,14 +174,19 @@ class Slice:
 
 
 def slices(runs: Sequence[HeldRun]) -> tuple[Slice, ...]:
-    """Sort the residuals of base and extended model."""
+    """Sort the residuals of base and extended model, of the rows that count in both.
+
+    All rows are those that count in each, so that each has the error that `fit` gives it.
+    """
     logs, counts = [run.log for run in runs], [run.counts for run in runs]
-    before = [np.where(run.counts, run.measured - run.base, np.nan) for run in runs]
-    after = [np.where(run.counts, run.measured - run.final, np.nan) for run in runs]
+    own = [run.measured - run.base for run in runs], [run.measured - run.final for run in runs]
+    before, after = (
+        [np.where(counted, left, np.nan) for counted, left in zip(counts, residuals, strict=True)]
+        for residuals in own
+    )
     joined = [np.concatenate(values) for values in (before, after)]
     joined = [values[np.isfinite(values)] for values in joined]
-    whole = len(joined[0])
-    made = [_of_rows("all", "all rows", np.ones(whole, dtype=bool), *joined)]
+    made = [Slice("all", "all rows", len(joined[0]), *map(rmse_of, own))]
     made += [
         _of_rows(group, label, mask, *joined)
         for group, label, mask in _parts(runs, logs, counts)
