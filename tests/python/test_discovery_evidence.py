@@ -150,3 +150,28 @@ def test_a_sine_is_gravity_or_the_first_order_of_a_ripple_that_has_others(has: s
     assert "do not tell it from order 1 of output_ripple" in sine.evidence
     assert "gravity (or order 1 of output_ripple)" in " ".join(str(found).split())
     assert "Turn the joint's axis upright" in str(found.next_experiment)
+
+
+def test_orders_of_a_ripple_are_taken_anew_for_those_that_another_name_stood_in_for() -> None:
+    """A first order that a poorer model shows, and a drift over time for what it lacks: no more."""
+    logs = sensor_rig(3, rate=200.0, seed=11, recorder=Recorder()).logs
+    base = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
+    found = flexspline.discover(base, logs, target="sensor_torque")
+    assert {*found.names} == {
+        "gravity", "temperature_drift", "stribeck_friction", "output_ripple",
+        "wave_generator_ripple",
+    }  # fmt: skip
+    (ripple,) = (e for e in found.fit.part.effects if e.name == "output_ripple")
+    assert [order for order, _ in ripple.harmonics] == [2]
+    assert found.final_rmse < 0.0165  # 0.0224 with the drift
+
+
+def test_of_a_ripple_of_several_orders_the_first_may_be_gravity() -> None:
+    logs = sensor_rig(3, rate=200.0, seed=13, recorder=Recorder()).logs
+    base = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
+    (ripple,) = (
+        one
+        for one in flexspline.discover(base, logs, target="sensor_torque").found
+        if one.effect == "output_ripple"
+    )
+    assert "order 1 of it may be gravity, from which no motion tells it" in ripple.evidence

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
+from flexspline.discovery.candidates import ONE_SINE
 from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -27,6 +28,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
+from flexspline.effects.causes import GRAVITY
 from flexspline.errors import listed
 from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
@@ -284,4 +286,7 @@ def _evidence(
     told = [f"{r.words} ({r.why(effect.name)})" for r in rivals if r.alias]
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
+    waves = effect.harmonics if GRAVITY in [e.name for e in made.context.possible] else ()
+    if ONE_SINE in waves and len(waves) > 1 and GRAVITY not in [e.name for e in made.final.effects]:
+        said += f"; order 1 of it may be {GRAVITY}, from which no motion tells it"
     return said + "."

@@ -203,10 +203,13 @@ class Offer:
         return self.gain - self.threshold
 
 
-def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
+def offers(
+    dictionary: Dictionary, model: Columns, *, plain: bool = False, only: str = ""
+) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    `plain`: several orders of the output for what one sine, gravity, leaves alone.
+    `plain`: several orders of the output for what one sine, gravity, leaves alone. `only`: the name
+    of the candidate that is asked for.
     """
     left = dictionary.table.without(model)
     sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
@@ -219,7 +222,7 @@ def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> li
         one = _offer(candidate, dictionary, left, most=1)
         return max(one, _offer(candidate, dictionary, leaves), key=lambda offer: offer.net)
 
-    return [best(candidate) for candidate in dictionary.candidates]
+    return [best(c) for c in dictionary.candidates if only in ("", c.name)]
 
 
 def _offer(

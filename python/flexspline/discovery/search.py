@@ -137,18 +137,18 @@ class SearchContext:
         self, work: CandidateModel, whitening: Whitening, *, without: Sequence[str] = ()
     ) -> Dictionary:
         """Return the table of a model and all candidates, beside it or beside it without some."""
-        candidates = self._beside(work, without)
+        candidates = self.beside(work, without)
         at, noise, last = self.last or (None, None, None)
         if last and at is work and noise is whitening and (found := last.of(candidates)):
             return found
         names = [effect.name for effect in work.named]
         every = [without, (), *((name,) for name in names)]
-        wanted = [e for out in every for c in self._beside(work, out) for e in c.effects]
+        wanted = [e for out in every for c in self.beside(work, out) for e in c.effects]
         made = dictionary_of(self.problem, work, wanted, whitening)
         self.last = work, whitening, made
         return replace(made, candidates=tuple(candidates))
 
-    def _beside(self, work: CandidateModel, without: Sequence[str]) -> list[Candidate]:
+    def beside(self, work: CandidateModel, without: Sequence[str]) -> list[Candidate]:
         """What may stand beside a model, or beside it in the place of some of its effects."""
         return self.candidates([e for e in work.effects if e.name not in without])
 
@@ -345,6 +345,30 @@ class Searcher:
         for name in [effect.name for effect in work.named]:
             if name in {effect.name for effect in work.named}:
                 work, squares = self._changed(work, squares, name)
+        return (work, squares) if self.lax else self._reordered(work, squares)
+
+    def _reordered(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
+        """Take the orders of a ripple anew in the place of its own and of another name.
+
+        Both may stand for these: the first order that is taken is that of a poorer model. Gravity
+        stays, whatever orders say.
+        """
+        dictionary = self.context.dictionary(work, self.whitening)
+        for ripple in (e for e in work.named if e.harmonics):
+            for out in (e.name for e in work.named if e.name not in (ripple.name, GRAVITY)):
+                both, rest = (ripple.name, out), self.less(work, out)
+                beside = dictionary.of(self.context.beside(work, both))
+                if beside is None or len(rest.effects) + 1 < len(work.effects):
+                    continue
+                cost = sum(cost_of(dictionary, work, name) for name in both)
+                least = dictionary.gain(*both) - cost
+                made = offers(beside, dictionary.without(both), plain=True, only=ripple.name)
+                for offer in (o for o in made if o.net > least):
+                    effects = [offer.effect if e is ripple else e for e in rest.effects]
+                    trial, left = self.fitted(rest.having(effects))
+                    paid = left + offer.threshold < squares + cost
+                    if paid and self._pays(trial, [offer.effect]):
+                        return trial, left
         return work, squares
 
     def _changed(
