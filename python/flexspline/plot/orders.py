@@ -141,7 +141,7 @@ def draw_orders(made: OrderSpectrum, ax: Axes | None = None) -> Axes:
 def draw_found(made: OrderAnalysis, ax: Axes | None = None) -> Axes:
     """Draw the amplitude over the order, with the orders found where their lines are."""
     ax = draw_orders(made.spectrum, ax)
-    label = "order found"
+    label = "order found, as fitted; a line of the spectrum is spread"
     for found in made.found:
         ax.plot(
             found.per_output_turn, found.amplitude, "v", color=PALETTE[3], markersize=5, label=label
