@@ -134,6 +134,11 @@ def test_two_names_take_the_place_of_one_that_stood_for_both() -> None:
     assert made.right and {*made.names} == {"viscous_friction", "stribeck_friction"}, made
 
 
+def test_viscous_friction_is_tried_though_a_slow_change_of_direction_hides_what_it_gains() -> None:
+    """Presliding friction gained 1.5 times as much beside a width of 0.15 rad/s; it is 0.01."""
+    assert elsewhere(1127).names == ("viscous_friction",)
+
+
 @pytest.mark.parametrize("has", ["base", "names"])
 def test_a_sine_is_gravity_or_the_first_order_of_a_ripple_that_has_others(has: str) -> None:
     """The rig's sensor ripples once and twice per turn; no motion tells the first from gravity."""

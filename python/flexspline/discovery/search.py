@@ -439,7 +439,8 @@ class Searcher:
         dictionary = self.context.dictionary(work, self.whitening)
         worthy = self._worth(dictionary, work, dictionary.model)
         while worthy:
-            near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
+            best = worthy[0].gain
+            near = [o for o in worthy if o.gain >= _near(work, o.effect) * best][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
             if trials:
                 return max(trials, key=lambda trial: _rank(trial[2]))
@@ -619,6 +620,16 @@ def cost_of(dictionary: Dictionary, work: CandidateModel, name: str) -> float:
     own = own[own < len(work.free)]  # shapes come behind all coefficients
     left = dictionary.table.without(dictionary.without([name]))[np.ix_(own, own)]
     return threshold_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
+
+
+def _near(work: CandidateModel, effect: Effect) -> float:
+    """Of the best gain, from which an offer is tried; less where it may move shapes of the model.
+
+    These are those of a poorer model: without viscous friction, Coulomb friction changes direction
+    as slowly as that, and hides most of what it gains.
+    """
+    by = [work.effects[at] for shape in work.searched for at in shape.effects]
+    return 0.5 if any({*one.reads} & {*effect.reads} for one in by) else SETTINGS.most
 
 
 def _net(made: Sequence[Offer]) -> float:
