@@ -28,7 +28,7 @@ PART_OF = {
 SIDES = tuple(dict.fromkeys(PART_OF.values()))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Part:
     """The effects that explain one target.
 

@@ -42,7 +42,7 @@ SIZES = ("RMSE", "mean error", "largest error")
 """What `error_sizes` returns."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prediction:
     """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing.
 

@@ -42,7 +42,7 @@ REPEATS = 3  # of which the quickest counts
 NEEDED = ("sensor_voltage", "temperature", "reference_torque")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearDrift:
     """τ = sensitivity · V + zero + slope · (T − reference_temperature).
 

@@ -268,7 +268,7 @@ def compare_ripple_methods(
     return RippleComparison(tuple(trial.score(method) for method in methods), window)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Trial:
     """What all methods are tried on: `moving` and `rest` are the rows that count, (N,)."""
 

@@ -261,7 +261,7 @@ class Leg:
         return abs(self.last - self.first)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Points:
     """Means on plateaus or bins, arrays (n,): `leg` and `level` are numbers from 0.
 

@@ -91,7 +91,7 @@ class Lag:
     flat: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Regression:
     """Coefficients (P,) in V per unit of their column, with the errors of these and of the lag.
 
@@ -379,7 +379,7 @@ def beside_structure(
     return wide, left, solution
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Validation:
     """Held-out residuals, V, an array (N,) for each run. `by`: "runs" or "blocks".
 

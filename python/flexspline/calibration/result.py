@@ -221,7 +221,7 @@ def _rms(columns: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(columns) ** 2)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CalibratedRun:
     """One run, arrays (N,). `voltage` V, `reference` Nm, `temperature` °C or None.
 

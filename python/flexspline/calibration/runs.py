@@ -46,7 +46,7 @@ LEAST_BEYOND = 1e-6  # of its range
 TOLERATED = ("constant_channel", "repeated_rows", "stuck_recorder")  # of a typed or stepped load
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CalibrationRun:
     """One run as the regression reads it; arrays (N,).
 

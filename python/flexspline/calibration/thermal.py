@@ -122,7 +122,7 @@ class ThermalLeg:
     rmse: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Thermal:
     """Means over temperature, (bins,): °C, and Nm before and after the compensation.
 

@@ -324,7 +324,7 @@ def _set_angle(rows: Rows, place: int, radians: NDArray[np.float64], bits: int) 
     rows["marks"] |= np.where(good, 2 << place, 0).astype(np.uint32)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """What the program made of the rows.
 

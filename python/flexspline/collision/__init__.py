@@ -365,7 +365,7 @@ def left_out_margin(runs: Sequence[Residual], *, symmetric: bool = False) -> flo
     return max(worst, PAPER_MARGIN)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tail:
     """The tail of one residual in one direction.
 

@@ -290,7 +290,7 @@ def _by_simulation(
     return replace(found, rows={"used": sum(map(len, runs)), **left}) if left else found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Recorded:
     """The runs as recorded, and with their inputs as rows read them.
 

@@ -188,7 +188,7 @@ def dictionary_of(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Offer:
     """A candidate in its best form beside a model: what it gains, and its threshold, in χ²."""
 

@@ -97,7 +97,7 @@ class Drawn:
     words: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kind:
     """A family of paths: `draw` takes (D,) numbers in [0, 1] and limits.
 
@@ -336,7 +336,7 @@ class Pulses:
         return np.column_stack([q, v, a])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sines:
     """Path c + w(t) Σ a sin(ω t + φ), at rest at the centre c at both ends of its duration."""
 

@@ -80,7 +80,7 @@ class PassiveMotor:
     width: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motors:
     """What dcmotors take of an effect.
 

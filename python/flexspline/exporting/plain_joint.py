@@ -149,7 +149,7 @@ class PlainJoint:
     for_motors: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Split:
     """An effect as a joint has it: the `kind` of number that it is, and the `rest`, (P,), of it.
 

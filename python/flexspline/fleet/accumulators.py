@@ -289,7 +289,7 @@ def _piloted(
     return Plan(made.part.effects, target, own=tuple(per_run), pilot=said, **how)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RunSums:
     """Sums over one run.
 

@@ -71,7 +71,7 @@ HIDDEN = 1e-6
 """Share of a parameter that the determined directions leave, from which it is not determined."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scored:
     """An estimate from sums of blocks.
 

@@ -97,7 +97,7 @@ class Margin:
     units: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shrunken:
     """Values of a joint given its log and the fleet, (P,), and their covariance."""
 
@@ -110,7 +110,7 @@ class Shrunken:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Population:
     """What joints have in common.
 

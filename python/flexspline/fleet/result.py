@@ -96,7 +96,7 @@ class RunFit:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnitFit:
     """One joint of a fleet.
 

@@ -228,7 +228,7 @@ def _squares(sums: Array, weight: Array) -> Any:
     return weight**2 @ sums[:, 0] + 2 * (weight * rest) @ sums[:, 1] + rest**2 @ sums[:, 2]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Grid:
     """Values of α and q̇_trans that are tried, (G, 2), with their weights in the bands (G, B).
 
@@ -319,7 +319,7 @@ class Settings:
     rotor_inertia: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signals:
     """One log as the methods read it, arrays (N,).
 
@@ -486,7 +486,7 @@ def _wave_generator(model: Model, log: Log) -> Array:
     return replace(model, parts={"torsion": only(part, WAVE_GENERATOR)}).predict(log).predicted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GaussianProcess:
     """A fitted process: `regressor` is scikit-learn's; `rows` of `available` entered it."""
 
@@ -591,7 +591,7 @@ def _spread(available: int, wanted: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, available - 1, min(wanted, available)).astype(np.intp))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MergeRun:
     """What a merge reads of one run, arrays (N,): s, rad/s at the output, Nm."""
 

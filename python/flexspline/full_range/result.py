@@ -347,7 +347,7 @@ class ErrorTable:
         return "\n".join(["RMSE (variance) bias; " + self.rule, *lines])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpeedCurve:
     """RMSE of each method in bands of speed, as Fig. 7.
 

@@ -64,7 +64,7 @@ THRESHOLD = 1.345
 NORMAL = 1.4826
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """The solution and what it was found with.
 

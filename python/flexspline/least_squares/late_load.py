@@ -38,7 +38,7 @@ STANDS = 0.02  # of the delay's error as if the noise were white: steps below it
 UNSEEN = 1e-10  # of a column's squares: what rows leave of it, at which they explain it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LateLoad:
     """By how much the known load is later than the target, s.
 
@@ -54,7 +54,7 @@ class LateLoad:
         return self.seconds * self.columns[number]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Beside:
     """Rows of a fit with one more column, (N,) for each run, behind all others."""
 

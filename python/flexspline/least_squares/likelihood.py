@@ -118,7 +118,7 @@ def why_none(fit: Fit) -> str:
     return ""
 
 
-@dataclass
+@dataclass(eq=False)
 class _Sums:
     """Products of whitened [rows @ basis, residual], (K + 1, K + 1), Σ ln s, N, offsets."""
 

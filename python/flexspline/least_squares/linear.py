@@ -51,7 +51,7 @@ class UnsettledError(InputError):
     """The load that a model makes by itself does not settle."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearFit:
     """Coefficients for given shapes.
 

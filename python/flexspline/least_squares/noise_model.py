@@ -75,7 +75,7 @@ A degree of freedom of each term is lost in each run, so that what is told grows
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chunk:
     """Consecutive rows of the least-squares problem, as the fit solved it.
 
@@ -94,7 +94,7 @@ class Chunk:
 Chunks = Callable[[], Iterator[Chunk]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseModel:
     """Autoregressive noise, with how well it is known.
 
@@ -234,7 +234,7 @@ def _require_usable(products: Array, degrees: int, order: int) -> None:
         raise InputError("A residual or a row of the fit is not finite; check the logs for NaN.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Products:
     """`sums`: C, (p+1, p+1, K, K). `means`: D, the same. `offsets`: R, how many were taken out."""
 

@@ -151,7 +151,7 @@ class ShapeParameter:
         return tuple(changed)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Constraints:
     """What is known of the coefficients beforehand; NaN where nothing is.
 

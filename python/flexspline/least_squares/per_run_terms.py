@@ -113,7 +113,7 @@ Half and twice of it say so of the same runs wherever a run stands still that ot
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OwnValues:
     """One term as R runs have it, in `unit`: values, their errors as D (R,) and U (R, F).
 

@@ -90,7 +90,7 @@ DERIVED = 3  # rows between two gaps from which an acceleration can be derived
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """One log made ready: channels for the core, the target, and the pieces without gaps.
 
@@ -138,7 +138,7 @@ class Run:
         return _blocks(self.stretches, length)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OwnBasis:
     """Directions that the K own terms of a run span, R of them orthonormal over rows that count.
 

@@ -178,7 +178,7 @@ def parameters_frame(parameters: Iterable[Parameter]) -> pandas.DataFrame:
     return pandas.DataFrame(list(rows.values()), index=list(rows)).rename_axis("parameter")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedRun:
     """One run with its target and residuals, arrays (N,) in the unit of the target.
 
@@ -210,7 +210,7 @@ class Delay:
     rmse: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit(Rendered):
     """The result of `fit`: prints as a verdict, one line for each term.
 
@@ -569,7 +569,7 @@ class StartEnd:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulationFit:
     """The record of a fit by simulation, `Fit.simulation`.
 

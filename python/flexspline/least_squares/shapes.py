@@ -77,7 +77,7 @@ UNSEEN = 1e-10  # of a bend's squares: what the columns leave of it, at which it
 DIFFERENCE_STEP = 1e-4  # of a shape, relative: the central difference is good to 1e-8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bent:
     """Products of the bends, (S, S), what the columns leave of them, and Bᵀr, (S,)."""
 
@@ -369,7 +369,7 @@ def _at(places: NDArray[np.intp], width: int, values: Array) -> Array:
     return out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tangent:
     """Rows of a fit at its solution.
 

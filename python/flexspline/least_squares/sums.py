@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 BLOCK = 1 << 17
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sums:
     """Sums of products of [X, y] of blocks of rows.
 
@@ -92,7 +92,7 @@ class Sums:
         return high, low
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Least squares: coefficients of least norm (columns scaled to length one), and the factor.
 

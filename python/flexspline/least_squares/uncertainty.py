@@ -36,7 +36,7 @@ _DOUBLINGS = 64  # of a sum's length: 2⁶⁴ rows, which no root below 1 outlas
 _GONE = 1e-12  # of the transition: what it adds then is below rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prior:
     """Parameters held by knowledge from elsewhere, as extra rows of the least-squares problem.
 
@@ -47,7 +47,7 @@ class Prior:
     errors: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Uncertainty:
     """Errors of P parameters. Units: those of the parameters.
 
@@ -252,7 +252,7 @@ class _Sums:
         self.last = again[len(again) - order :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Tail:
     """Sums over all rows behind a stretch, where the filters run on from their states alone.
 

@@ -84,7 +84,7 @@ LEAST_ROWS = 10
 ROUND = 1e-3  # of the span of all bands: no band is narrower, and an edge nearer zero reads 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Validation:
     """Held-out residuals, an array (N,) for each run; NaN on rows that do not count.
 
@@ -96,7 +96,7 @@ class Validation:
     folds: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Moves:
     """What leaving folds out does: δ (F + S,) of each, and the move of what a run has of its own.
 

@@ -86,7 +86,7 @@ class ColumnSource:
 ColumnSpec = str | int | tuple[str | int, str] | ColumnSource | Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Picked:
     """Channels of a table in SI units, how late each is [s], and what was done, in sentences.
 

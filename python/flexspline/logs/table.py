@@ -147,7 +147,7 @@ class Series:
     stamps: NDArray[Any] | Later
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Table:
     """Columns, with names where the file has them.
 

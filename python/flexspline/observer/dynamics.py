@@ -232,7 +232,7 @@ class _Arm:
         load[:] = pin.computeGeneralizedGravity(model, data, at)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wrench:
     """What the arm pushes the outside with at the end effector.
 

@@ -125,7 +125,7 @@ class Line:
     resolution: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Round:
     """What one scan saw, over `order`: the two statistics, their shapes and the sharpest span.
 
@@ -313,7 +313,7 @@ def is_new(line: Line, known: Sequence[Line], distance: float) -> bool:
     return all(abs(line.order - other.order) >= distance * line.resolution for other in known)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Share:
     """An order in one stretch: name, signed speed [rad/s], rows, (a, b) and covariance."""
 
@@ -422,7 +422,7 @@ def even_weights(power: NDArray[np.float64], spread: NDArray[np.float64]) -> NDA
     return np.asarray(weight)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Floor:
     """Floor over blocks of orders: their centres, levels and effective number of orders."""
 

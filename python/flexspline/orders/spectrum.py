@@ -77,7 +77,7 @@ _CYCLES = 1.5  # cycles in the span from which an order can be told from a trend
 NYQUIST = 0.9  # of half the sampling rate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stretch:
     """One direction of one run.
 
@@ -277,7 +277,7 @@ def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     return kept
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OrderSpectrum:
     """Amplitude over order.
 
@@ -302,7 +302,7 @@ class OrderSpectrum:
         return drawn
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TimeSpectrum:
     """Amplitude over frequency [Hz]; `peaks` are (frequency [Hz], amplitude), largest first."""
 

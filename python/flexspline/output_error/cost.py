@@ -348,7 +348,7 @@ class Cost:
         return np.where(far, FAR, np.clip(rest, -FAR, FAR))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Descent:
     """One descent: RMSE [rad] where it started and where it ended, and the point of the end."""
 
@@ -408,7 +408,7 @@ def best_of(descents: Sequence[Descent]) -> Descent:
     return min(descents, key=lambda made: made.rmse)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Folds:
     """`left_out`: rows of each fold, a mask for each run. `by`: "folds of runs" or "blocks"."""
 

@@ -376,7 +376,7 @@ def _warnings(parameters: Sequence[Parameter], record: SimulationFit) -> list[st
     return said
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Errors:
     """Of P searched coordinates: standard errors (P,), correlations (P, P), which are determined.
 

@@ -295,7 +295,7 @@ def colours_of_runs(count: int) -> list[Any]:
     return [shades(0.34 + 0.44 * k / (count - 1)) for k in range(count)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bands:
     """Median and 5 and 95 % points of values in bins, (bins,); NaN in bins with too few."""
 

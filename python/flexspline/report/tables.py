@@ -133,7 +133,7 @@ def _named(group: str, label: str) -> str:
     return f"{group} {label}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScoreTable:
     """Cross-validated RMSE of several fits, a row for each part of the logs.
 

@@ -100,7 +100,7 @@ class Claim:
         return np.asarray(values <= bound if kind == "at_most" else values >= bound)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Verdict:
     """A claim beside ours.
 

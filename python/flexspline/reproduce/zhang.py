@@ -238,7 +238,7 @@ def peak_between(log: Log, low: float, high: float) -> float:
     return float(hertz[inside][np.argmax(size[inside])])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hit:
     """A collision, without and with a stop on the flag.
 

@@ -72,7 +72,7 @@ def drift_voltage(temperature: Array | float) -> Array:
     return np.asarray(np.polynomial.polynomial.polyval(np.asarray(temperature, float), DRIFT))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Deviation:
     """What the body adds to a torque beside a straight line [Nm].
 

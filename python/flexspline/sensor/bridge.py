@@ -443,7 +443,7 @@ class Tolerance:
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlacementRipple:
     """Ripple left over the placement tolerance, arrays (P, O): tolerances by orders.
 

@@ -76,7 +76,7 @@ class Heating:
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeatingDrift:
     """Readings of unloaded sensors that warm up, less their first values [Nm].
 

@@ -412,7 +412,7 @@ def _elements(
     return [(e.stiffness, e.level, motor, output) for e in elements]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Steps:
     """A run, but for the length of its steps; `longest` is that of its rows, s."""
 

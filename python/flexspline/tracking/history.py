@@ -311,7 +311,7 @@ def _numbers(given: ArrayLike, what: str) -> Array:
         raise InputError(f"{what} of the history are no numbers; give an array of them") from None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Estimates:
     """Of one session: parameters by name with unit and value, and their covariance (P, P)."""
 

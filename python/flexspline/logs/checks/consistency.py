@@ -461,7 +461,7 @@ def _late_torque(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Delay:
     """A delay [s] with its standard error, and how well X explains y with it and without."""
 

@@ -440,7 +440,7 @@ class LeftOut:
         return f"{self.run}: {self.finding.sentence} They are left out."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kept:
     """A run without the rows that were left out; `rows` are those of the recording, (N,)."""
 

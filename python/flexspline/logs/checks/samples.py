@@ -377,7 +377,7 @@ def _usual_count(values: NDArray[np.float64], limit: float) -> float:
     return float(np.median(counts[:20]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Velocity and acceleration of one angle, zero phase, with the channels beside it.
 
