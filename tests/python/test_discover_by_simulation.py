@@ -280,6 +280,29 @@ def test_an_effect_that_explains_as_much_is_an_alias_though_it_is_not_significan
     assert step.alike == ("position_dependent_friction",)
 
 
+def test_the_best_of_many_is_named_wherever_it_stands_among_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = ("presliding_friction", "stribeck_friction", "position_dependent_friction",
+             "nonlinear_viscous_friction", "load_dependent_friction")  # fmt: skip
+    many = [candidate(name, 0.08 - 0.01 * k, p=0.001) for k, name in enumerate(names)]
+    for candidates in (many, many[::-1]):
+        step, _ = next_of(monkeypatch, *candidates)
+        assert step is not None and step.effect.name == names[-1]
+
+
+@pytest.mark.parametrize(("others", "named"), [(0, True), (1, False)])
+def test_one_effect_alone_is_named_by_chance_once_in_twenty_and_of_two_each_half_as_often(
+    monkeypatch: pytest.MonkeyPatch, others: int, named: bool
+) -> None:
+    """Seven degrees of freedom: t = 2.1 is passed by chance once in 27."""
+    spread = np.std(0.02 * (-1.0) ** np.arange(8), ddof=1) / np.sqrt(8)
+    one = candidate("load_dependent_friction", 0.1 * np.exp(-2.1 * spread), p=0.001)
+    worse = candidate("stribeck_friction", 0.2, p=0.001)
+    step, _ = next_of(monkeypatch, one, *[worse][:others])
+    assert (step is not None) == named
+
+
 def test_every_name_is_significant_and_shares_of_the_gap_are_of_all_that_closes(
     found: flexspline.Discovery,
 ) -> None:

@@ -156,6 +156,15 @@ def test_a_log_without_a_channel_leaves_its_stage_silent_and_names_it(channel: s
     assert np.isfinite(made["external_torque_sensor"]).all()
 
 
+def test_an_observer_names_the_velocity_that_a_log_without_any_position_lacks() -> None:
+    said = "the observer reads output_velocity, which log 'rig' lacks"
+    model = Model({"drive": DRIVE}, FACTS).with_estimator(CALIBRATION).with_estimator(BY_MOTOR)
+    moving = raw_log(500)
+    still = without(moving, "output_position", "motor_position", "output_velocity")
+    assert said in flexspline.estimate(model, still).notes
+    assert said not in flexspline.estimate(model, moving).notes
+
+
 def test_the_part_of_the_torsion_says_too_how_its_channels_were_made() -> None:
     way = Preparation("output_velocity", "output_velocity", 16.0)
     torsion = replace(TORSION, record={**TORSION.record, "prepared": [way.to_json()]})

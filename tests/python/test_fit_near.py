@@ -10,7 +10,8 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.effects import Effect
-from flexspline.fitting import fit_near
+from flexspline.errors import InputError
+from flexspline.fitting import fit_near, held_out_near
 from flexspline.least_squares.estimate import Given, estimate
 from flexspline.least_squares.options import shapes_of
 from flexspline.least_squares.problem import Problem, problem_of
@@ -46,6 +47,15 @@ def test_a_fit_from_shapes_near_by_is_that_of_the_whole_search() -> None:
     for one, other in zip(near.parameters, whole.parameters, strict=True):
         assert abs(one.value - other.value) < 0.01 * other.standard_error, one.name
         assert one.standard_error == pytest.approx(other.standard_error, rel=1e-3)
+
+
+def test_a_fit_from_shapes_near_by_of_fewer_rows_than_its_numbers_need_is_refused() -> None:
+    effects = tuple(flexspline.effect(name) for name in NAMES)
+    few = [log.rows(slice(0, 10)) for log in logs()]
+    for near in (lambda problem: fit_near(problem, effects, {}, {}, None),
+                 lambda problem: held_out_near(problem, effects, {}, {})):  # fmt: skip
+        with pytest.raises(InputError, match=r"rows that count, but \d+ coefficients need"):
+            near(posed(effects, few))
 
 
 def test_the_pull_of_a_shape_is_how_the_squares_fall_along_it() -> None:

@@ -152,6 +152,15 @@ def test_a_joint_that_does_not_tell_a_parameter_has_the_fleet_s() -> None:
     assert drawn.values[0] == pytest.approx(1.4, abs=0.01)  # its own error
 
 
+def test_a_joint_that_tells_nothing_is_known_by_the_spread_and_by_the_error_of_the_mean() -> None:
+    units = [scored(np.array([v]), 1e-8 * np.eye(1)) for v in (1.0, 2.0, 4.0, 5.0)]
+    made = population_of(units)
+    blind = scored(np.array([9.0]), np.eye(1), np.empty((1, 0)))
+    drawn, (margin,) = made.shrunken(blind), made.margins
+    assert drawn.values == pytest.approx([margin.mean])
+    assert drawn.errors == pytest.approx([np.hypot(margin.shrinking, margin.mean_error)])
+
+
 def test_what_differs_from_run_to_run_is_told_from_noise() -> None:
     rng = np.random.default_rng(10)
     omega, noise = 0.3, 0.1

@@ -170,12 +170,15 @@ def test_friction_that_remembers_holds_a_load_from_the_first_row() -> None:
     assert heavy["position"][-1] < 1.0  # 3 sin 1.2 > 2: it slides down
 
 
-def test_the_motors_ripple_starts_where_its_encoder_says() -> None:
+@pytest.mark.parametrize("start", [0.0, 0.123])
+def test_the_motors_ripple_starts_where_its_encoder_says(start: float) -> None:
     ripple = (effect("cogging", orders=[1]), [0.5, 0.0])
     model = drive([("inertia", [0.5]), ("viscous_friction", [3.0]), ripple])
     time = np.arange(0.0, 2.0, 1e-3)
-    plain = run_of(time, 4.0 * np.sin(3.0 * time))
-    turned = plain.with_columns({"motor_position": np.full(len(time), 2.0)}, note="encoder")
+    plain = run_of(time, 4.0 * np.sin(3.0 * time), output_position=np.full(len(time), start))
+    turned = plain.with_columns(
+        {"motor_position": np.full(len(time), RATIO * start + 2.0)}, note="encoder"
+    )
     made = drive_inputs(model, turned).run(
         model.part(), 2, ("position", "velocity", "acceleration")
     )
