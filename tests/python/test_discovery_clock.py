@@ -48,6 +48,14 @@ def test_a_load_that_is_late_behind_the_torsion_is_a_fault_and_no_name(
         assert f"shift={LOAD}:{'-' if late < 0.0 else ''}0.00" in fault.sentence
 
 
+@pytest.mark.parametrize("late", [0.0015, 0.13])
+def test_a_delay_is_known_as_well_where_it_is_long(late: float) -> None:
+    logs = joint_runs(2, target="motor_torque", late=late)
+    made = flexspline.discover(base(), logs, target="motor_torque", known_load=LOAD)
+    sizes = [fault.size for fault in made.data_faults if fault.name == "load_delay"]
+    assert sizes == pytest.approx([late, late], abs=1e-4)
+
+
 def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_speed() -> None:
     """One effect holds the orders of both, and with a resonance far away it is their sum."""
 

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
 
 from flexspline.discovery.faults import data_faults, load_delays
+from flexspline.effects import effect
+from flexspline.errors import InputError
 from flexspline.logs.checks.consistency import TOLD, measured_gear
 from flexspline.logs.log import Log
 
@@ -74,6 +76,19 @@ def test_a_part_of_a_row_that_few_runs_show_is_not_that_of_a_recorder() -> None:
     shown = [gear is not None and gear.delay > TOLD * gear.delay_error for gear in gears]
     assert shown == [False, False, False, True, False]
     assert named(logs, "encoder_delay") == []
+
+
+def test_an_effect_of_the_load_asks_for_the_channel_that_is_the_known_load() -> None:
+    log = runs(1, target="motor_torque")[0]
+    columns = {name: log[name] for name in log.channels if name != LOAD}
+    logs = [Log.from_arrays(facts=dict(log.facts), **columns, sensor_torque=log[LOAD])]
+    effects = [*base(), effect("torque_constant_error")]
+    assert data_faults(logs, effects, "motor_torque", "sensor_torque") == ()
+    with pytest.raises(InputError, match="torque_constant_error needs reference_torque"):
+        data_faults(logs, effects, "motor_torque", None)
+    with pytest.raises(InputError, match="temperature_dependent_friction needs temperature"):
+        warm = [*effects, effect("temperature_dependent_friction")]
+        data_faults(logs, warm, "motor_torque", "sensor_torque")
 
 
 @pytest.mark.parametrize(("flipped", "told"), [(1, 0), (3, 3), (5, 5)])

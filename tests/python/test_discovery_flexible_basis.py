@@ -208,6 +208,16 @@ def test_what_functions_gain_above_chance_is_less_than_all_that_they_gain() -> N
     assert 0.5 * found.gain < found.net < found.gain
 
 
+def test_what_functions_gain_is_how_far_the_squares_fall_in_variances_of_the_noise() -> None:
+    c, variance = rich_run(3, ROWS), 1e-4
+    cause = 0.02 * c[LOAD] * c["output_velocity"]
+    here = problem_of([log_of(c, sensor_torque=c[LOAD] + cause)], [effect("offset")],
+                      "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1)  # fmt: skip
+    base = replace(candidate_model_of([effect("offset")], 1, {}), coefficients=np.zeros(1))
+    found = leftover_of(ExplainableBound(here, Whitening(np.ones(1), variance, 1)), base)
+    assert found.gain == pytest.approx(ROWS * np.var(cause) / variance, rel=0.01)
+
+
 def test_a_product_of_channels_that_few_rows_do_not_show_is_seen_on_many() -> None:
     """A share of the noise's variance that is 7 in the rows of the wide basis, in χ²."""
     rows, share = 8 * SETTINGS.rows, 7.0 / SETTINGS.rows

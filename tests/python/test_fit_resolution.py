@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_logs import friction_of, log_of, noise, rich_run
 from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
 
 from flexspline.discovery.discovering import _Recorded, _task
-from flexspline.least_squares.problem import away_from_ends
+from flexspline.fitting import fit_near
+from flexspline.least_squares.problem import away_from_ends, problem_of
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.prepared import Preparation, learned
@@ -38,6 +40,23 @@ def test_every_row_that_counts_has_a_whole_window(gap: bool) -> None:
     assert error[counted].max() < 0.01 < 5.0 * error[~counted].max()
     held = np.diff(log["time"][counted])
     assert np.count_nonzero(held > 0.3) == int(gap)  # the same reach on both sides of a gap
+
+
+def test_rows_that_do_not_count_behind_a_gap_are_as_if_they_were_not_recorded() -> None:
+    """Inside a recording the noise goes on through them, behind a gap it does not."""
+    c, effects = rich_run(1, 2000), base()
+    log = log_of(c, sensor_torque=friction_of(c) + c[LOAD] + noise(1, 2000))
+    rows = np.arange(len(log))
+    resolved = (rows < 700) | (rows >= 711)
+
+    def errors(recorded: NDArray[np.bool_]) -> list[float]:
+        made = problem_of([log.rows(recorded)], effects, "sensor_torque", known_load=LOAD,
+                          lowpass_hz=None, threads=1, counted=[resolved[recorded]])  # fmt: skip
+        return [one.standard_error for one in fit_near(made, effects, {}, {}, None).parameters]
+
+    without = errors(resolved)
+    assert errors(resolved | (rows >= 709)) == pytest.approx(without, rel=1e-9)
+    assert errors(rows >= 0) != pytest.approx(without, rel=1e-6)
 
 
 def test_a_temperature_leaves_its_ends_in() -> None:
