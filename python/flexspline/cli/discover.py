@@ -97,7 +97,7 @@ def compare(
     Predicts the runs and sorts what is left (measured − predicted) by run, direction, speed,
     load, temperature, angle, order of what turns, acceleration, time, and distance from the last
     reversal; estimates the noise floor where it applies; and prints two sentences that say where
-    the gap is largest and what makes no difference. It names no cause, and nothing is fitted.
+    the gap is largest and what it is not seen to follow. It names no cause, and nothing is fitted.
     DIR receives comparison.json (all numbers) and report.html (the map).
 
     \b
