@@ -267,6 +267,8 @@ class Searcher:
             if key in seen:
                 break
             seen.add(key)
+        if not self.lax and GRAVITY in [e.name for e in work.named]:
+            work, _ = self._reordered(work, squares, [GRAVITY])  # no sooner: a sine is its first
         return work, steps
 
     def fitted(self, work: CandidateModel) -> tuple[CandidateModel, float]:
@@ -345,19 +347,24 @@ class Searcher:
         for name in [effect.name for effect in work.named]:
             if name in {effect.name for effect in work.named}:
                 work, squares = self._changed(work, squares, name)
-        return (work, squares) if self.lax else self._reordered(work, squares)
+        if self.lax:
+            return work, squares
+        others = [e.name for e in work.named if e.name != GRAVITY]
+        return self._reordered(work, squares, others)
 
-    def _reordered(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
-        """Take the orders of a ripple anew in the place of its own and of another name.
+    def _reordered(
+        self, work: CandidateModel, squares: float, outs: Sequence[str]
+    ) -> tuple[CandidateModel, float]:
+        """Take the orders of a ripple anew in the place of its own and of another name, of `outs`.
 
-        Both may stand for these: the first order that is taken is that of a poorer model. Gravity
-        stays, whatever orders say.
+        Both may stand for these: the first order that is taken is that of a poorer model. A sine is
+        no order in the place of gravity.
         """
         dictionary = self.context.dictionary(work, self.whitening)
         for ripple in (e for e in work.named if e.harmonics):
-            for out in (e.name for e in work.named if e.name not in (ripple.name, GRAVITY)):
+            beside = dictionary.of(self.context.beside(work, [ripple.name]))
+            for out in (name for name in outs if name != ripple.name):
                 both, rest = (ripple.name, out), self.less(work, out)
-                beside = dictionary.of(self.context.beside(work, both))
                 if beside is None or len(rest.effects) + 1 < len(work.effects):
                     continue
                 cost = sum(cost_of(dictionary, work, name) for name in both)
