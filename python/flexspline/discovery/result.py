@@ -206,7 +206,7 @@ class Found:
         return self.rivals[0].name if self.rivals else None
 
     @property
-    def others(self) -> tuple[str, ...]:
+    def aliases(self) -> tuple[str, ...]:
         """`indistinguishable_from` in words: of an effect that is in the model, which orders."""
         words = {rival.name: rival.words for rival in self.rivals}
         return tuple(words.get(name, name) for name in self.indistinguishable_from)

@@ -165,7 +165,7 @@ def _one(made: Discovery, number: int, one: Found) -> str:
         lines.append(_wrapped(row, rest=" " * 28, width=TERMINAL))
     lines.append(_wrapped(one.evidence, "   "))
     if one.indistinguishable_from:
-        also = listed(one.others)
+        also = listed(one.aliases)
         lines.append(_wrapped(f"These runs would be explained as well by {also}.", "   "))
     return "\n".join(lines)
 
@@ -235,7 +235,7 @@ def _names_told(found: Sequence[Found]) -> str:
 
 def _or_alias(one: Found) -> str:
     """A name, and the one that explains the runs as well; of several the list below tells."""
-    return f"{one.effect} (or {one.others[0]})" if len(one.others) == 1 else one.effect
+    return f"{one.effect} (or {one.aliases[0]})" if len(one.aliases) == 1 else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
