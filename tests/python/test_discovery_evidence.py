@@ -154,6 +154,7 @@ def test_a_sine_is_gravity_or_the_first_order_of_a_ripple_that_has_others(has: s
     assert sine.indistinguishable_from == ("output_ripple",) and sine.confidence <= 0.5
     assert "do not tell it from order 1 of output_ripple" in sine.evidence
     assert "gravity (or order 1 of output_ripple)" in " ".join(str(found).split())
+    assert "<td>order 1 of output_ripple</td>" in found._repr_html_()
     assert "Turn the joint's axis upright" in str(found.next_experiment)
 
 
