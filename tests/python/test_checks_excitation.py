@@ -57,6 +57,16 @@ def test_a_run_at_one_speed_does_not_excite(effect: str, words: str) -> None:
     assert finding.severity == "note"
 
 
+def test_without_a_target_effects_are_asked_of_those_whose_channels_are_all_there() -> None:
+    """Torsion is the difference of two angles; one of them tells nothing of a gear."""
+    torque = 0.1 * np.sin(TIME)
+    one = one_speed().with_columns({"sensor_torque": torque}, note="a sensor")
+    both = one.with_columns({"motor_position": 100.0 * one["output_position"]}, note="an encoder")
+    asked = [{found.effect for found in excited(log, (), None)} for log in (one, both)]
+    assert "output_ripple" in asked[0] & asked[1]
+    assert "mesh_compliance" in asked[1] - asked[0]
+
+
 def torsion_run(load: np.ndarray) -> Log:
     """Half a turn back and forth under a load (N,), with both encoders."""
     position = np.pi * np.sin(2 * np.pi * TIME / 5)
