@@ -13,7 +13,8 @@ from fleet_logs import MEAN, drawn, run_of
 from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.fleet import FleetComparison, FleetDiscovery, compare, discover
-from flexspline.fleet.each_joint import pooled_confidence
+from flexspline.fleet.each_joint import UnitDiscovery, pooled_confidence
+from flexspline.fleet.each_joint import _names as names_of
 from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.part import Part
@@ -74,6 +75,20 @@ def test_the_others_make_a_name_surer_or_less_sure() -> None:
     assert pooled_confidence(0.9, 9, 10) > 0.98
     assert pooled_confidence(0.9, 1, 10) == pytest.approx(0.9 * 1.5 / (0.9 * 1.5 + 0.1 * 9.5))
     assert 0.0 < pooled_confidence(0.5, 1, 1000) < 0.01
+
+
+def test_a_joint_that_has_a_name_is_not_counted_where_that_explains_as_much() -> None:
+    """Orders of a ripple that is named may be what else gravity is."""
+
+    def joint(name: str, *found: tuple[str, list[str]]) -> UnitDiscovery:
+        each = [{"effect": effect, "confidence": 0.5, "indistinguishable_from": others}
+                for effect, others in found]  # fmt: skip
+        return UnitDiscovery(name, ("run1",), {"found": each, "also_seen": []}, MODEL)
+
+    sine = ("gravity", ["output_ripple"])
+    joints = [joint("a", sine, ("output_ripple", [])), joint("b", sine)]
+    (ripple,) = (one for one in names_of(joints) if one.effect == "output_ripple")
+    assert ripple.joints == ("a",) and ripple.indistinguishable == ("b",)
 
 
 def test_a_discovery_has_a_table_pages_and_models(found: FleetDiscovery, tmp_path: Path) -> None:

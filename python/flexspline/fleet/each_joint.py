@@ -290,7 +290,7 @@ class NameInFleet:
     effect : its name.
     joints : in which it is found; `confidences` : of each by itself, `pooled` : given the others.
     seen : joints in which it is real but too small to matter.
-    indistinguishable : joints in which it explains the runs as well as a name that is found.
+    indistinguishable : other joints, in which it explains the runs as well as a name that is found.
     share, share_low, share_high : of joints of this kind that have it, with its 95 % interval.
     """
 
@@ -485,7 +485,7 @@ def _names(units: Sequence[UnitDiscovery]) -> tuple[NameInFleet, ...]:
                 confidences,
                 tuple(pooled_confidence(c, count, total) for c in confidences),
                 tuple(unit.name for unit in units if name in _also(unit)),
-                tuple(unit.name for unit in units if name in _as_well(unit)),
+                tuple(unit.name for unit in units if name in _as_well(unit) - {*unit.found}),
                 count / total,
                 0.0 if count == 0 else float(low),
                 1.0 if count == total else float(high),
