@@ -77,16 +77,27 @@ def test_the_others_make_a_name_surer_or_less_sure() -> None:
     assert 0.0 < pooled_confidence(0.5, 1, 1000) < 0.01
 
 
+def joint(name: str, **found: list[str]) -> UnitDiscovery:
+    """A joint by what is found in it, and what explains its runs as well as each."""
+    each = [{"effect": effect, "confidence": 0.5, "indistinguishable_from": others}
+            for effect, others in found.items()]  # fmt: skip
+    return UnitDiscovery(name, ("run1",), {"found": each, "also_seen": []}, MODEL)
+
+
+SINE = ["output_ripple"]
+
+
+def test_joints_none_of_which_tells_a_name_from_another_make_it_no_surer() -> None:
+    confused = [joint("a", gravity=SINE), joint("b", gravity=SINE)]
+    (gravity,) = names_of(confused)
+    assert gravity.pooled == gravity.confidences == (0.5, 0.5)
+    (gravity,) = names_of([*confused, joint("c", gravity=[])])
+    assert min(gravity.pooled) > 0.5
+
+
 def test_a_joint_that_has_a_name_is_not_counted_where_that_explains_as_much() -> None:
     """Orders of a ripple that is named may be what else gravity is."""
-
-    def joint(name: str, *found: tuple[str, list[str]]) -> UnitDiscovery:
-        each = [{"effect": effect, "confidence": 0.5, "indistinguishable_from": others}
-                for effect, others in found]  # fmt: skip
-        return UnitDiscovery(name, ("run1",), {"found": each, "also_seen": []}, MODEL)
-
-    sine = ("gravity", ["output_ripple"])
-    joints = [joint("a", sine, ("output_ripple", [])), joint("b", sine)]
+    joints = [joint("a", gravity=SINE, output_ripple=[]), joint("b", gravity=SINE)]
     (ripple,) = (one for one in names_of(joints) if one.effect == "output_ripple")
     assert ripple.joints == ("a",) and ripple.indistinguishable == ("b",)
 

@@ -275,6 +275,11 @@ class UnitDiscovery:
         return {one["effect"]: float(one["confidence"]) for one in self.content["found"]}
 
     @property
+    def confused(self) -> set[str]:
+        """Names that the joint's runs do not tell from others."""
+        return {one["effect"] for one in self.content["found"] if one["indistinguishable_from"]}
+
+    @property
     def rmse(self) -> tuple[float, float, float]:
         """Of the base, of the extended model, and the noise floor; held out."""
         sizes = self.content["rmse"]
@@ -288,7 +293,8 @@ class NameInFleet:
     Parameters
     ----------
     effect : its name.
-    joints : in which it is found; `confidences` : of each by itself, `pooled` : given the others.
+    joints : in which it is found; `confidences` : of each by itself, `pooled` : given the others,
+        which add nothing where none of them tells it from what explains as much.
     seen : joints in which it is real but too small to matter.
     indistinguishable : other joints, in which it explains the runs as well as a name that is found.
     share, share_low, share_high : of joints of this kind that have it, with its 95 % interval.
@@ -477,13 +483,14 @@ def _names(units: Sequence[UnitDiscovery]) -> tuple[NameInFleet, ...]:
         its = [unit for unit in units if name in unit.found]
         confidences = tuple(unit.found[name] for unit in its)
         count, total = len(its), len(units)
+        told = any(name not in unit.confused for unit in its)
         low, high = beta.ppf([0.025, 0.975], count + 0.5, total - count + 0.5).tolist()
         made.append(
             NameInFleet(
                 name,
                 tuple(unit.name for unit in its),
                 confidences,
-                tuple(pooled_confidence(c, count, total) for c in confidences),
+                tuple(pooled_confidence(c, count, total) if told else c for c in confidences),
                 tuple(unit.name for unit in units if name in _also(unit)),
                 tuple(unit.name for unit in units if name in _as_well(unit) - {*unit.found}),
                 count / total,
