@@ -22,7 +22,7 @@ from flexspline.discovery.evidence import Dictionary, Offer, dictionary_of, offe
 from flexspline.discovery.search import SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
-from flexspline.effects import Effect
+from flexspline.effects import Effect, Harmonic
 from flexspline.errors import listed
 from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
@@ -150,15 +150,17 @@ def rivals_of(searcher: Searcher, work: CandidateModel, effect: Effect) -> list[
     made = [*_offered(dictionary, effect), *_more_orders(searcher, work, effect)]
     found = []
     for rank, (kept, more, offer) in enumerate(sorted(made, key=lambda one: one[0])):
-        gain = offer.gain
+        gain, there = offer.gain, None
         if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
-            kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
-            if searcher.forbidden(trial, offer.effect.name):
-                continue
+            kept, gain, there = _refitted(searcher, work, effect, offer, kept)
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         adds = float(np.sqrt(max(more - len(offer.columns), 0.0)))
         more_of = offer.effect.name in [e.name for e in work.effects]
-        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved, more=more_of))
+        rival = Rival(offer.effect, gain, own, left, adds, form, moved=moved, more=more_of)
+        if there is None and rival.alias:
+            there, _ = searcher.fitted(_with(work.without(effect.name), offer.effect))
+        if there is None or not searcher.forbidden(there, rival.name):
+            found.append(rival)
     return sorted(found, key=lambda rival: -rival.gain)
 
 
@@ -256,6 +258,14 @@ class Analysis:
         if {*names} & {e.name for e in self.base.effects}:
             base, _ = self.searcher.fitted(self.base.without(*names))
             return replace(self, base=base, final=final)
+        leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
+        return replace(self, final=final, leftover=leftover)
+
+    def with_orders(self, effect: Effect, orders: Sequence[Harmonic]) -> Analysis:
+        """Return the analysis with a named ripple of these orders alone, as `without`."""
+        less = effect.with_orders(orders)
+        effects = [less if e is effect else e for e in self.final.effects]
+        final, _ = self.searcher.fitted(self.final.having(effects))
         leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
         return replace(self, final=final, leftover=leftover)
 

@@ -9,6 +9,8 @@ fails one of them is withdrawn:
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
+Of a ripple each order has to be significant there, or the name goes on without it.
+
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
 the error of a coefficient large that the runs tell from zero well [Davies1987]. So the test holds
 them; but neither may the errors that are printed reach zero.
@@ -49,6 +51,7 @@ from flexspline.effects import Effect
 from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, wald
+from flexspline.least_squares.ripple import PAIRS, ripple_orders
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.candidate_model import CandidateModel, HeldOut, fall_of, rmse_of
 
@@ -170,6 +173,9 @@ def confirmed(
             fit = fit if made.final is before.final else fitted(made.final)
         shown = {one.effect.name: one for one in _all_shown(made, fit)}
         name, why = _weakest(made, fit, [*shown.values()], base)
+        if not name and (lean := _without_idle_order(made, fit)):
+            made = lean
+            continue
         if not name:
             rivals = _rivals(made)
             sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
@@ -236,6 +242,19 @@ def _weakest(
         return formed, FORMED
     given = (e.name for e in made.base.effects if e.name not in base)
     return next((n for n in given if not significance(fit, n) < SETTINGS.alpha), ""), ""
+
+
+def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
+    """The analysis less the smallest order of a name that is not significant; None of none."""
+    named = {effect.name: effect for effect in made.final.named}
+    idle = [o for o in ripple_orders(fit) if o.effect in named and not o.significant]
+    for order in sorted(idle, key=lambda order: order.amplitude):
+        effect = named[order.effect]
+        own = (order.order, order.turns)
+        kept = [h for h in effect.harmonics if (h[0], PAIRS[h[1]]) != own]
+        if kept:
+            return made.with_orders(effect, kept)
+    return None
 
 
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:

@@ -50,7 +50,7 @@ from flexspline.discovery.physics import (
 )
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect, Harmonic
-from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
+from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK, WAVE_GENERATOR_RIPPLE
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
@@ -233,6 +233,7 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
 SPEED = "output_velocity"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
+UNMODULATED = "the same orders explain as much with one amplitude at all speeds"
 
 
 @dataclass
@@ -585,7 +586,22 @@ class Searcher:
         """Why a name of a fitted model cannot be what it says; empty where it can."""
         reason = impossible(work, name, self.context.problem, self.context.scatter)
         effect = next(e for e in work.effects if e.name == name)
+        if not reason and effect.info.modulated and self._unmodulated(work, effect):
+            return UNMODULATED
         return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
+
+    def _unmodulated(self, work: CandidateModel, effect: Effect) -> bool:
+        """Whether a ripple whose amplitude follows the speed keeps next to nothing, or no more than
+        its form may miss, beside the same orders with one amplitude.
+        """
+        problem, rest = self.context.problem, work.without(effect.name)
+        plain = Effect(WAVE_GENERATOR_RIPPLE).with_orders(effect.harmonics)
+        table = tabulated(problem, rest.assembly(beside=[effect, plain]), self.whitening)
+        model, count = np.arange(len(rest.owners())), len(effect.terms)
+        own = model.size + np.arange(count)
+        kept = table.gain(own, np.append(model, own + count))
+        least = max(SETTINGS.told**2 + count, form_of(effect) * table.gain(own, model))
+        return kept < least
 
     def _at_few_places(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
