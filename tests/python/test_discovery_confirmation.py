@@ -146,6 +146,31 @@ def test_an_exact_coefficient_is_significant() -> None:
     assert significance(made, "offset") == 0.0
 
 
+# ------------------------------------------------------------------------------ orders
+
+
+@pytest.mark.parametrize(
+    ("there", "kept"),
+    [((3, 5), None), ((3,), [3]), ((5,), [5]), ((), [5])],  # of noise the smaller goes
+)
+def test_an_order_that_is_not_significant_is_no_part_of_a_name(
+    there: tuple[int, ...], kept: list[int] | None
+) -> None:
+    ripple = effect("output_ripple", orders=[3, 5])
+    log = simulated(["offset"], np.array([0.5]), motion(0))
+    added = sum((0.02 * np.cos(k * log["output_position"]) for k in there), np.zeros(len(log)))
+    noise = np.random.default_rng(4).normal(0.0, 0.02, len(log))
+    added = added + noise
+    log = log.with_columns({"sensor_torque": log["sensor_torque"] + added}, note="ripple")
+    fit = flexspline.fit([effect("offset"), ripple], log, "sensor_torque", checks=False)
+    made: Any = SimpleNamespace(
+        final=SimpleNamespace(named=[ripple]),
+        with_orders=lambda effect, orders: (effect, [order for order, _ in orders]),
+    )
+    found: Any = confirmation._without_idle_order(made, fit)
+    assert found == (None if kept is None else (ripple, kept))
+
+
 # ------------------------------------------------------------------------------ withdrawn
 
 

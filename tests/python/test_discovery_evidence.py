@@ -128,6 +128,20 @@ def test_of_equal_names_the_one_with_fewer_numbers_is_given() -> None:
     assert made.names == ("wave_generator_ripple", "cogging"), made
 
 
+def test_a_resonance_whose_orders_explain_as_much_at_one_amplitude_is_none() -> None:
+    """Its speed was at the bound and its damping said nothing; both were a name at 50 %."""
+    made = elsewhere(1235)
+    assert made.right and made.names == ("cogging",) and not made.aliases[0], made
+
+
+def test_what_pole_pairs_claim_may_be_the_overtone_of_the_wave_generator() -> None:
+    """Order 4 of the motor, with four pole pairs, beside order 2 of the wave generator."""
+    made = elsewhere(1326)
+    assert dict(zip(made.names, made.aliases, strict=True))["cogging"] == (
+        "wave_generator_ripple",
+    ), made
+
+
 def test_two_names_take_the_place_of_one_that_stood_for_both() -> None:
     """Viscous and Stribeck friction are near one bent viscous friction."""
     made = elsewhere(389)

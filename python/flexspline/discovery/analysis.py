@@ -180,13 +180,16 @@ def _more_orders(
 ) -> list[tuple[float, float, Offer]]:
     """As `_offered`, orders that other effects of the model may have beside those that they have.
 
-    A sine of the angle is gravity, or the first order of a ripple whose second one is named.
+    A sine of the angle is gravity, or the first order of a ripple whose second one is named. What
+    pole pairs or slots claim is cogging, or the overtone of a wave generator's order.
     """
     context, more = searcher.context, list[Candidate]()
     for other in (e for e in work.effects if e.harmonics and e.name != effect.name):
         rest = [e for e in work.effects if e.name not in (effect.name, other.name)]
         new = context.orders_of([other.name], rest).get(other.name, ())
-        atoms = tuple(other.with_orders([h]) for h in new if h not in other.harmonics)
+        doubled = [(2 * order, pair) for order, pair in other.harmonics]
+        own = dict.fromkeys([*new, *(h for h in doubled if h in effect.harmonics)])
+        atoms = tuple(other.with_orders([h]) for h in own if h not in other.harmonics)
         if atoms:
             more.append(Candidate(other.name, (other,), (atoms,)))
     if not more:

@@ -245,16 +245,15 @@ def _weakest(
 
 
 def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
-    """The analysis less the smallest order of a name that is not significant; None of none."""
-    named = {effect.name: effect for effect in made.final.named}
-    idle = [o for o in ripple_orders(fit) if o.effect in named and not o.significant]
-    for order in sorted(idle, key=lambda order: order.amplitude):
-        effect = named[order.effect]
-        own = (order.order, order.turns)
-        kept = [h for h in effect.harmonics if (h[0], PAIRS[h[1]]) != own]
-        if kept:
-            return made.with_orders(effect, kept)
-    return None
+    """The analysis less the smallest of several orders of a name that are not significant."""
+    several = {e.name: e for e in made.final.named if len(e.harmonics) > 1}
+    orders = ripple_orders(fit) if several else []
+    idle = [order for order in orders if order.effect in several and not order.significant]
+    if not idle:
+        return None
+    least = min(idle, key=lambda order: order.amplitude)
+    effect, own = several[least.effect], (least.order, least.turns)
+    return made.with_orders(effect, [h for h in effect.harmonics if (h[0], PAIRS[h[1]]) != own])
 
 
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
