@@ -493,7 +493,8 @@ class Searcher:
     ) -> float:
         """What the forms of names may miss, χ²; 0 if an effect is clear beside freed forms.
 
-        ∞ where what bends friction over the speed is no more than how friction turns over at rest.
+        ∞ where what bends friction over the speed is no more than how friction turns over at rest,
+        as the model says it does: not where a shape of that stands at a bound.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
@@ -503,7 +504,8 @@ class Searcher:
         problem = self.context.thinned().problem
         least = threshold(len(effect.terms), 1.0, len(dictionary.candidates))
         rest = [e for e in work.effects if e.name != effect.name]
-        turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else None
+        asked = {*effect.reads} == {SPEED} and not work.bound  # there a model is poor, not wide
+        turning = turning_over(problem, rest) if asked else None
         more = rows_of(self.context.problem) / rows_of(problem)
         alike = [e for e in rivals if {*e.reads} == {SPEED}]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
