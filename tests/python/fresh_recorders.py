@@ -199,11 +199,13 @@ def german_formelzeichen() -> File:
         (rec.other("T_amb", 22.4 + rec.white(3061, 0.05, rows), "%.1f"), "°C"),
     ]
     columns = rec.commas([column for column, _ in table])
-    units = ";".join(unit for _, unit in table)
-    return rec.file(
+    return rec.table(
         "Messung_P4_03.asc",
-        rec.text([rec.headers(columns, ";"), units, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 160},
         ambiguous={
             "motor_current": "A rms or amplitude: which one a torque constant goes with is open",

@@ -326,10 +326,12 @@ def table(
     encoding: str = "utf-8",
     *,
     head: Iterable[str] = (),
+    units: Sequence[str] = (),
     **more: Mapping[str, object],
 ) -> File:
-    """A file of text: lines of a preamble, the headers, the cells."""
-    written = [*head, headers(columns, between), *lines(columns, between)]
+    """A file of text: lines of a preamble, the headers, a line of units if any, the cells."""
+    named = [headers(columns, between), *([between.join(units)] if units else [])]
+    written = [*head, *named, *lines(columns, between)]
     return file(name, text(written, newline, encoding), columns, **more)
 
 

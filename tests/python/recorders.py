@@ -677,12 +677,13 @@ def tektronix_mdo() -> File:
         ",,,",
         ",,,",
         "Label,I MOTOR,TORQUE BRIDGE,TACHO",
-        rec.headers(columns, ","),
     ]
-    return rec.file(
+    return rec.table(
         "tek0007ALL.csv",
-        rec.text([*head, *rec.lines(columns, ",")], "\r\n"),
         columns,
+        ",",
+        "\r\n",
+        head=head,
         ambiguous={
             "sensor_voltage": "volts of a bridge: how many Nm one is, is not in the file",
             "motor_velocity": "volts of a tachometer: how many rad/s one is, is not in the file",
@@ -883,19 +884,14 @@ def japanese_logger() -> File:
         (rec.channel(run, "temperature", "温度", "%.1f"), "℃"),
         (rec.same("アラーム", "0", rows), ""),
     ]
-    columns = [column for column, _ in table]
-    head = [
-        "機種,波動歯車減速機 試験機",
-        "試料,減速比50",
-        f"データ数,{rows}",
-        "",
-        rec.headers(columns, ","),
-        ",".join(unit for _, unit in table),
-    ]
-    return rec.file(
+    return rec.table(
         "shiken_0407.csv",
-        rec.text([*head, *rec.lines(columns, ",")], "\r\n", "cp932"),
-        columns,
+        [column for column, _ in table],
+        ",",
+        "\r\n",
+        "cp932",
+        head=["機種,波動歯車減速機 試験機", "試料,減速比50", f"データ数,{rows}", ""],
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 50},
     )
 

@@ -286,18 +286,19 @@ def german_messwelle() -> File:
         (rec.channel(run, "temperature", "Temperatur_2", "%.1f"), "°C"),
     ]
     columns = rec.commas([column for column, _ in table])
-    head = [
-        "Prüfling:;Wellgetriebe Größe 25, Nr. 0417",
-        "Prüfer:;Hofmann",
-        "Datum:;16.04.2026 10:41",
-        "",
-        rec.headers(columns, ";"),
-        ";".join(unit for _, unit in table),
-    ]
-    return rec.file(
+    return rec.table(
         "Versuch_017.csv",
-        rec.text([*head, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
+        head=[
+            "Prüfling:;Wellgetriebe Größe 25, Nr. 0417",
+            "Prüfer:;Hofmann",
+            "Datum:;16.04.2026 10:41",
+            "",
+        ],
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 160},
         ambiguous={
             "reference_torque": "a measuring shaft may sit at the motor or at the output",
