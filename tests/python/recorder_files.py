@@ -27,6 +27,12 @@ KELVIN = -273.15  # °C at 0 K
 OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
 WHERE = "a temperature: of the motor, the joint or the room is not said"
 NO_UNIT = "its unit is stated nowhere"
+RMS_OR_AMPLITUDE = "A rms or amplitude: which one a torque constant goes with is open"
+ONE_UNIT = "that both angles have one unit is likely, but not stated"
+RATED = "per mille of a rated torque that only the preamble gives"
+NO_RESOLUTION = "counts without a resolution"
+TO_A_FACTOR = "counts of both sides are known to a factor alone"
+MOTOR_OR_SENSOR = "may be that of the motor or that of the joint's sensor"
 
 
 # the joint

@@ -159,7 +159,7 @@ def kinova_kortex() -> File:
         columns,
         ",",
         ambiguous={
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor",
+            "sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}",
             "motor_current": "no unit is stated",
         },
         wraps={"output_position": REV},
@@ -761,7 +761,7 @@ def epos_studio() -> File:
         head=head,
         facts={"gear_ratio": 100, "torque_constant": 0.1},
         ambiguous={
-            "motor_torque": "per mille of a rated torque that only the preamble gives",
+            "motor_torque": rec.RATED,
             "motor_position": "counts: 4 × 1024 a turn, and the preamble gives the pulses alone",
         },
     )
@@ -924,7 +924,7 @@ def arduino_serial() -> File:
             "motor_position": unknown + "; counts of which only the gear's ratio is seen",
             "output_position": unknown + "; counts of which only the gear's ratio is seen",
             "motor_current": unknown + "; the raw value of a converter",
-            "gear_ratio": "counts of both sides are known to a factor alone",
+            "gear_ratio": rec.TO_A_FACTOR,
         },
     )
 
@@ -1147,7 +1147,7 @@ def matlab_v73() -> File:
         run,
         {channel: 0.0 for channel, _, _ in signals.values()},
         facts={"gear_ratio": 80},
-        ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
+        ambiguous={"sensor_torque": f"tau {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -1192,9 +1192,7 @@ def hdf5_groups() -> File:
         run,
         {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()},
         facts={"gear_ratio": 160},
-        ambiguous={
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor"
-        },
+        ambiguous={"sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -1262,10 +1260,10 @@ def numpy_structured() -> File:
         run,
         {channel: unit for channel, unit, _ in fields.values()},
         ambiguous={
-            "output_position": "counts without a resolution",
-            "motor_position": "counts without a resolution",
-            "gear_ratio": "counts of both sides are known to a factor alone",
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor",
+            "output_position": rec.NO_RESOLUTION,
+            "motor_position": rec.NO_RESOLUTION,
+            "gear_ratio": rec.TO_A_FACTOR,
+            "sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}",
         },
     )
 

@@ -157,7 +157,7 @@ def drive_recorder() -> File:
         "\r\n",
         head=head,
         ambiguous={
-            "motor_position": "counts without a resolution",
+            "motor_position": rec.NO_RESOLUTION,
             "motor_velocity": "counts per second without a resolution",
             "commanded_position": "the motor's: that of the output needs a ratio",
             "temperature": "that of the drive's power stage, not of the joint",
@@ -406,7 +406,7 @@ def joint_controller_iso() -> File:
         ambiguous=dict.fromkeys(unitless, rec.NO_UNIT)
         | {
             "sensor_torque": "no unit; tau_act may be measured or made from the current",
-            "gear_ratio": "that both angles have one unit is likely, but not stated",
+            "gear_ratio": rec.ONE_UNIT,
         },
     )
 
