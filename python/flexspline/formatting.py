@@ -25,6 +25,7 @@ __all__ = [
     "plus_minus",
     "rows_html",
     "rows_text",
+    "scores_html",
     "sentences_text",
     "short",
     "short_names",
@@ -136,6 +137,13 @@ def rows_html(rows: Sequence[Sequence[str]]) -> str:
 
     head, *body = rows
     return line(head, "th") + "".join(line(cells, "td") for cells in body)
+
+
+def scores_html(rows: Sequence[Sequence[str]], *, caption: str = "", note: str = "") -> str:
+    """Return a table in the style of those of scores, with what is said above and below it."""
+    above = f"<caption>{html.escape(caption)}</caption>" if caption else ""
+    below = f"<p>{html.escape(note)}</p>" if note else ""
+    return f'<table class="scores">{above}{rows_html(rows)}</table>{below}'
 
 
 def blocks_text(blocks: Iterable[Sequence[str]]) -> str:

@@ -1,12 +1,12 @@
 // A joint that learns: readings in, the block of what it learned out.
 //
 //   learn float|double < rows of period, velocity, motor torque (doubles) > its block behind them
+#include <array>
 #include <cstdio>
 #include <cstring>
-#include <vector>
 
-#include "flexspline/block.hpp"
 #include "joint.hpp"
+#include "saved.hpp"
 
 namespace {
 
@@ -24,10 +24,7 @@ int learn() {
     if (made.step(state, in, out) != flexspline::Status::ok) return 1;
   }
   made.adopt(state);
-  std::vector<std::uint8_t> bytes(flexspline::block_size(made));
-  std::size_t size = 0;
-  if (flexspline::save(made, bytes, size) != flexspline::BlockStatus::ok) return 1;
-  return std::fwrite(bytes.data(), 1, size, stdout) == size ? 0 : 1;
+  return write_block(made);
 }
 
 }  // namespace

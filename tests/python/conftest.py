@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -105,18 +104,6 @@ def refused_model(tmp_path: Path) -> Callable[[str], str]:
         return str(caught.value)
 
     return why
-
-
-@pytest.fixture
-def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """What takes a library away, as if it were not installed."""
-
-    def without(library: str) -> None:
-        for module in [m for m in sys.modules if m.startswith(f"{library}.")]:
-            monkeypatch.setitem(sys.modules, module, None)
-        monkeypatch.setitem(sys.modules, library, None)
-
-    return without
 
 
 @pytest.fixture

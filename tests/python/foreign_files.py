@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,14 @@ def refused(path: Path, columns: Any = None, **how: Any) -> str:
     said = str(caught.value)
     assert said.startswith(str(path)) and "; " in said and said.isprintable()
     return said
+
+
+def refused_without(library: str, path: Path, columns: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The sentence by which a file is refused where the library that reads it is not installed."""
+    for module in [m for m in sys.modules if m.startswith(f"{library}.")]:
+        monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setitem(sys.modules, library, None)
+    return refused(path, columns)
 
 
 def known_by_its_beginning_and_packed(path: Path, columns: Any, rows: int) -> None:

@@ -55,7 +55,7 @@ def maxon_recorder() -> File:
         facts={"gear_ratio": 100},
         ambiguous={
             "motor_position": "increments of a resolution that only the preamble gives",
-            "motor_torque": "per mille of a rated torque that only the preamble gives",
+            "motor_torque": rec.RATED,
             "gear_ratio": "a line of the preamble; the output's side is not in the file",
             "commanded_position": "the motor's: that of the output needs the ratio",
         },
@@ -85,7 +85,7 @@ def kollmorgen_scope() -> File:
         "\r\n",
         facts={"gear_ratio": 160},
         ambiguous={
-            "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
+            "motor_current": rec.RMS_OR_AMPLITUDE,
             "output_position": "FB2 is a second feedback: at the output by its slowness alone",
         },
         wraps={"motor_position": REV},
@@ -199,14 +199,16 @@ def german_formelzeichen() -> File:
         (rec.other("T_amb", 22.4 + rec.white(3061, 0.05, rows), "%.1f"), "°C"),
     ]
     columns = rec.commas([column for column, _ in table])
-    units = ";".join(unit for _, unit in table)
-    return rec.file(
+    return rec.table(
         "Messung_P4_03.asc",
-        rec.text([rec.headers(columns, ";"), units, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 160},
         ambiguous={
-            "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
+            "motor_current": rec.RMS_OR_AMPLITUDE,
             "reference_torque": rec.OWN_OR_BESIDE,
         },
     )
@@ -329,7 +331,7 @@ def ros_bag_csv() -> File:
         ambiguous=dict.fromkeys(channels, rec.NO_UNIT)
         | {
             "sensor_torque": "an effort may be measured or made from the current; no unit",
-            "gear_ratio": "that both angles have one unit is likely, but not stated",
+            "gear_ratio": rec.ONE_UNIT,
         },
     )
 

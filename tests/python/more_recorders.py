@@ -138,7 +138,7 @@ def influx_annotated() -> File:
         rec.text([*head, *lines, ""], "\r\n"),
         columns,
         facts={"gear_ratio": 160},
-        ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
+        ambiguous={"sensor_torque": f"tau {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -304,7 +304,7 @@ def octave_text() -> File:
         rec.text(lines),
         columns,
         facts={"gear_ratio": 100, "torque_constant": 0.1},
-        ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
+        ambiguous={"sensor_torque": f"tau {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -703,7 +703,7 @@ def polish_drive() -> File:
         facts={"gear_ratio": 80},
         ambiguous={
             "motor_torque": "per cent of a rated torque that only the preamble gives",
-            "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
+            "motor_current": rec.RMS_OR_AMPLITUDE,
         },
     )
 

@@ -27,6 +27,12 @@ KELVIN = -273.15  # °C at 0 K
 OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
 WHERE = "a temperature: of the motor, the joint or the room is not said"
 NO_UNIT = "its unit is stated nowhere"
+RMS_OR_AMPLITUDE = "A rms or amplitude: which one a torque constant goes with is open"
+ONE_UNIT = "that both angles have one unit is likely, but not stated"
+RATED = "per mille of a rated torque that only the preamble gives"
+NO_RESOLUTION = "counts without a resolution"
+TO_A_FACTOR = "counts of both sides are known to a factor alone"
+MOTOR_OR_SENSOR = "may be that of the motor or that of the joint's sensor"
 
 
 # the joint
@@ -326,10 +332,12 @@ def table(
     encoding: str = "utf-8",
     *,
     head: Iterable[str] = (),
+    units: Sequence[str] = (),
     **more: Mapping[str, object],
 ) -> File:
-    """A file of text: lines of a preamble, the headers, the cells."""
-    written = [*head, headers(columns, between), *lines(columns, between)]
+    """A file of text: lines of a preamble, the headers, a line of units if any, the cells."""
+    named = [headers(columns, between), *([between.join(units)] if units else [])]
+    written = [*head, *named, *lines(columns, between)]
     return file(name, text(written, newline, encoding), columns, **more)
 
 

@@ -159,7 +159,7 @@ def kinova_kortex() -> File:
         columns,
         ",",
         ambiguous={
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor",
+            "sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}",
             "motor_current": "no unit is stated",
         },
         wraps={"output_position": REV},
@@ -677,12 +677,13 @@ def tektronix_mdo() -> File:
         ",,,",
         ",,,",
         "Label,I MOTOR,TORQUE BRIDGE,TACHO",
-        rec.headers(columns, ","),
     ]
-    return rec.file(
+    return rec.table(
         "tek0007ALL.csv",
-        rec.text([*head, *rec.lines(columns, ",")], "\r\n"),
         columns,
+        ",",
+        "\r\n",
+        head=head,
         ambiguous={
             "sensor_voltage": "volts of a bridge: how many Nm one is, is not in the file",
             "motor_velocity": "volts of a tachometer: how many rad/s one is, is not in the file",
@@ -760,7 +761,7 @@ def epos_studio() -> File:
         head=head,
         facts={"gear_ratio": 100, "torque_constant": 0.1},
         ambiguous={
-            "motor_torque": "per mille of a rated torque that only the preamble gives",
+            "motor_torque": rec.RATED,
             "motor_position": "counts: 4 × 1024 a turn, and the preamble gives the pulses alone",
         },
     )
@@ -883,19 +884,14 @@ def japanese_logger() -> File:
         (rec.channel(run, "temperature", "温度", "%.1f"), "℃"),
         (rec.same("アラーム", "0", rows), ""),
     ]
-    columns = [column for column, _ in table]
-    head = [
-        "機種,波動歯車減速機 試験機",
-        "試料,減速比50",
-        f"データ数,{rows}",
-        "",
-        rec.headers(columns, ","),
-        ",".join(unit for _, unit in table),
-    ]
-    return rec.file(
+    return rec.table(
         "shiken_0407.csv",
-        rec.text([*head, *rec.lines(columns, ",")], "\r\n", "cp932"),
-        columns,
+        [column for column, _ in table],
+        ",",
+        "\r\n",
+        "cp932",
+        head=["機種,波動歯車減速機 試験機", "試料,減速比50", f"データ数,{rows}", ""],
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 50},
     )
 
@@ -928,7 +924,7 @@ def arduino_serial() -> File:
             "motor_position": unknown + "; counts of which only the gear's ratio is seen",
             "output_position": unknown + "; counts of which only the gear's ratio is seen",
             "motor_current": unknown + "; the raw value of a converter",
-            "gear_ratio": "counts of both sides are known to a factor alone",
+            "gear_ratio": rec.TO_A_FACTOR,
         },
     )
 
@@ -1151,7 +1147,7 @@ def matlab_v73() -> File:
         run,
         {channel: 0.0 for channel, _, _ in signals.values()},
         facts={"gear_ratio": 80},
-        ambiguous={"sensor_torque": "tau may be that of the motor or that of the joint's sensor"},
+        ambiguous={"sensor_torque": f"tau {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -1196,9 +1192,7 @@ def hdf5_groups() -> File:
         run,
         {"time": 1e-9} | {channel: 0.0 for channel, _, _ in table.values()},
         facts={"gear_ratio": 160},
-        ambiguous={
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor"
-        },
+        ambiguous={"sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}"},
     )
 
 
@@ -1266,10 +1260,10 @@ def numpy_structured() -> File:
         run,
         {channel: unit for channel, unit, _ in fields.values()},
         ambiguous={
-            "output_position": "counts without a resolution",
-            "motor_position": "counts without a resolution",
-            "gear_ratio": "counts of both sides are known to a factor alone",
-            "sensor_torque": "torque may be that of the motor or that of the joint's sensor",
+            "output_position": rec.NO_RESOLUTION,
+            "motor_position": rec.NO_RESOLUTION,
+            "gear_ratio": rec.TO_A_FACTOR,
+            "sensor_torque": f"torque {rec.MOTOR_OR_SENSOR}",
         },
     )
 

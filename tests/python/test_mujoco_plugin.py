@@ -432,13 +432,8 @@ def test_a_model_that_no_plugin_runs_is_refused(case: str, tmp_path: Path) -> No
 
 
 def test_a_motor_encoder_needs_the_gear_ratio(tmp_path: Path) -> None:
-    part = Part(
-        "motor_torque",
-        (effect("cogging", orders=[2]),),
-        np.array([0.1, 0.0]),
-        None,
-        {"channels": ["output_position", "motor_position"]},
-    )
+    channels = {"channels": ["output_position", "motor_position"]}
+    part = replace(model_of(["cogging"]).parts["drive"], record=channels)
     with pytest.raises(InputError, match="lacks it; fit it again with --gear-ratio"):
         export(Model({"drive": part}), tmp_path / "joint", "mujoco-plugin")
     folder = export(Model({"drive": part}, FACTS), tmp_path / "joint", "mujoco-plugin")

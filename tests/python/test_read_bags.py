@@ -367,8 +367,9 @@ def test_a_database_that_is_no_bag_is_refused(tmp_path: Path) -> None:
     ("a.mcap", "mcap", "mcap"), ("lz4.bag", "lz4", "ros"), ("humble.db3", "rosbags", "ros"),
 ])  # fmt: skip
 def test_without_the_library_the_command_that_installs_it_is_said(
-    name: str, library: str, extra: str, tmp_path: Path, lacking: Callable[[str], None]
+    name: str, library: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     FILES[name](tmp_path / name)
-    lacking(library)
-    assert refused(tmp_path / name).endswith(f"pip install 'flexspline[{extra}]'")
+    columns = {"output_position": "position[hip]"}
+    said = foreign_files.refused_without(library, tmp_path / name, columns, monkeypatch)
+    assert said.endswith(f"pip install 'flexspline[{extra}]'")

@@ -6,7 +6,7 @@ import itertools
 import struct
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -347,8 +347,7 @@ def test_a_block_packed_by_a_method_without_bound_is_refused(tmp_path: Path) -> 
 
 
 def test_without_the_library_the_command_that_installs_it_is_said(
-    tmp_path: Path, lacking: Callable[[str], None]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = both(tmp_path / "a.mf4")
-    lacking("asammdf")
-    assert refused(path).endswith("pip install 'flexspline[mdf]'")
+    said = foreign_files.refused_without("asammdf", both(tmp_path / "a.mf4"), MAP, monkeypatch)
+    assert said.endswith("pip install 'flexspline[mdf]'")

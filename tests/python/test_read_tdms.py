@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -216,8 +216,7 @@ def test_a_channel_beyond_the_limit_of_memory_is_refused(tmp_path: Path) -> None
 
 
 def test_without_the_library_the_command_that_installs_it_is_said(
-    tmp_path: Path, lacking: Callable[[str], None]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = both(tmp_path / "a.tdms")
-    lacking("nptdms")
-    assert refused(path).endswith("pip install 'flexspline[tdms]'")
+    said = foreign_files.refused_without("nptdms", both(tmp_path / "a.tdms"), MAP, monkeypatch)
+    assert said.endswith("pip install 'flexspline[tdms]'")

@@ -157,7 +157,7 @@ def drive_recorder() -> File:
         "\r\n",
         head=head,
         ambiguous={
-            "motor_position": "counts without a resolution",
+            "motor_position": rec.NO_RESOLUTION,
             "motor_velocity": "counts per second without a resolution",
             "commanded_position": "the motor's: that of the output needs a ratio",
             "temperature": "that of the drive's power stage, not of the joint",
@@ -286,18 +286,19 @@ def german_messwelle() -> File:
         (rec.channel(run, "temperature", "Temperatur_2", "%.1f"), "°C"),
     ]
     columns = rec.commas([column for column, _ in table])
-    head = [
-        "Prüfling:;Wellgetriebe Größe 25, Nr. 0417",
-        "Prüfer:;Hofmann",
-        "Datum:;16.04.2026 10:41",
-        "",
-        rec.headers(columns, ";"),
-        ";".join(unit for _, unit in table),
-    ]
-    return rec.file(
+    return rec.table(
         "Versuch_017.csv",
-        rec.text([*head, *rec.lines(columns, ";")], "\r\n", "cp1252"),
         columns,
+        ";",
+        "\r\n",
+        "cp1252",
+        head=[
+            "Prüfling:;Wellgetriebe Größe 25, Nr. 0417",
+            "Prüfer:;Hofmann",
+            "Datum:;16.04.2026 10:41",
+            "",
+        ],
+        units=[unit for _, unit in table],
         facts={"gear_ratio": 160},
         ambiguous={
             "reference_torque": "a measuring shaft may sit at the motor or at the output",
@@ -405,7 +406,7 @@ def joint_controller_iso() -> File:
         ambiguous=dict.fromkeys(unitless, rec.NO_UNIT)
         | {
             "sensor_torque": "no unit; tau_act may be measured or made from the current",
-            "gear_ratio": "that both angles have one unit is likely, but not stated",
+            "gear_ratio": rec.ONE_UNIT,
         },
     )
 

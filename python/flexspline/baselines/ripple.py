@@ -6,7 +6,6 @@ costs.
 
 from __future__ import annotations
 
-import html
 import math
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +19,7 @@ from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fitting import fit
-from flexspline.formatting import rows_html, rows_text, short
+from flexspline.formatting import rows_text, scores_html, short
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs
 from flexspline.logs.segments import standstill, true_ranges
@@ -491,9 +490,7 @@ class RippleComparison:
 
     def to_html(self) -> str:
         """Return the table as HTML."""
-        rows = rows_html(self._rows())
-        note = html.escape(self._note())
-        return f'<table class="scores">{rows}</table><p>{note}</p>'
+        return scores_html(self._rows(), note=self._note())
 
     def _repr_html_(self) -> str:
         return self.to_html()

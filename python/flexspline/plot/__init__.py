@@ -36,6 +36,7 @@ from flexspline.plot.canvas import (
     can_be_drawn,
     channel_label,
     colours_of_runs,
+    finished,
     legend,
     log_axis,
     middle,
@@ -415,9 +416,7 @@ def drift_curve(
         xlabel=channel_label("temperature"),
         ylabel=f"{part.target.replace('_', ' ')} less other effects [{part.unit}]",
     )
-    titled(ax, "Drift over temperature")
-    legend(ax)
-    return ax
+    return finished(ax, "Drift over temperature")
 
 
 def _temperatures(model: Model, part: Part, runs: Sequence[Log], ax: Axes) -> Array:
@@ -508,9 +507,7 @@ def simulated_motion(fit: Fit, run: str = "worst", ax: Axes | None = None) -> Ax
         ax.plot(time[at], values[at], color=colour, linewidth=1.2, label=label)
     ax.set(xlabel="time since the start [s]", ylabel="output angle [rad]")
     gap = fit.simulation.runs[number]
-    titled(ax, f"{plain(gap.name)}: {1e3 * gap.held_out:.3g} mrad RMS held out")
-    legend(ax)
-    return ax
+    return finished(ax, f"{plain(gap.name)}: {1e3 * gap.held_out:.3g} mrad RMS held out")
 
 
 def _chosen(fit: Fit, run: str) -> int:
@@ -560,9 +557,7 @@ def draw_profile(made: Profile, ax: Axes | None = None) -> Axes:
     if low > 0.0 and high > 10.0 * low:
         log_axis(ax, "x")
     ax.set_xlabel(f"{short_names(made.name)} [{made.unit}]")
-    titled(ax, f"Profile of {short_names(made.name)}")
-    legend(ax)
-    return ax
+    return finished(ax, f"Profile of {short_names(made.name)}")
 
 
 def draw_contour(made: Contour, ax: Axes | None = None) -> Axes:
@@ -574,6 +569,4 @@ def draw_contour(made: Contour, ax: Axes | None = None) -> Axes:
     ax.plot(*made.values, "+", color=INK, markersize=8, label="as fitted")
     one, other = (f"{short_names(n)} [{u}]" for n, u in zip(made.names, made.units, strict=True))
     ax.set(xlabel=one, ylabel=other)
-    titled(ax, "Region of two parameters")
-    legend(ax)
-    return ax
+    return finished(ax, "Region of two parameters")

@@ -41,6 +41,7 @@ __all__ = [
     "can_be_drawn",
     "channel_label",
     "colours_of_runs",
+    "finished",
     "legend",
     "log_axis",
     "middle",
@@ -196,6 +197,13 @@ def legend(ax: Axes) -> None:
     )  # fmt: skip
     rows = -(-len(labels) // columns)
     titled(ax, ax.get_title(loc="left"), LEAST * (1.6 * rows + 0.3))
+
+
+def finished(ax: Axes, title: str) -> Axes:
+    """Set the title and the legend of what is drawn, and return the axes."""
+    titled(ax, title)
+    legend(ax)
+    return ax
 
 
 def _room(ax: Axes) -> float:

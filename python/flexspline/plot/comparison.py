@@ -28,6 +28,7 @@ from flexspline.plot.canvas import (
     axes_or_new,
     banded,
     channel_label,
+    finished,
     legend,
     log_axis,
     middle,
@@ -339,9 +340,7 @@ def models_over_time(made: ModelComparison, run: int = 0, ax: Axes | None = None
         ax.plot(time[at], values, line, color=colour, linewidth=1.1, label=label, zorder=order)
     what = made.target.replace("_", " ")
     ax.set(xlabel="time since the start of the run [s]", ylabel=f"{what} [{made.unit}]")
-    titled(ax, f"Measured and modelled, {plain(one.log.name)}{part}")
-    legend(ax)
-    return ax
+    return finished(ax, f"Measured and modelled, {plain(one.log.name)}{part}")
 
 
 def missed_over(made: ModelComparison, channel: str, ax: Axes | None = None) -> Axes:
@@ -365,9 +364,7 @@ def missed_over(made: ModelComparison, channel: str, ax: Axes | None = None) -> 
     ax.set_ylabel(f"residual [{made.unit}]")
     ax.axhline(0.0, color=INK, linewidth=0.8)
     over = what if channel == MODELLED else channel.replace("_", " ")
-    titled(ax, f"Residual over {over}: median, band of 90 %")
-    legend(ax)
-    return ax
+    return finished(ax, f"Residual over {over}: median, band of 90 %")
 
 
 def _looks(made: ModelComparison) -> list[tuple[str, str]]:

@@ -26,7 +26,7 @@ from flexspline.plot.canvas import (
     axes_or_new,
     can_be_drawn,
     channel_label,
-    legend,
+    finished,
     outline,
     panelled,
     part_of,
@@ -95,9 +95,7 @@ def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
         _over_time(ax, run, some, values, color=colour, linewidth=width, label=label)
     ax.set_ylabel(f"{made.what.replace('_', ' ')} [{made.unit}]")
     part = part_of(run.log["time"], some)
-    titled(ax, f"Predicted without having seen it, {plain(run.log.name)}{part}")
-    legend(ax)
-    return ax
+    return finished(ax, f"Predicted without having seen it, {plain(run.log.name)}{part}")
 
 
 def left_over(made: Discovery, ax: Axes | None = None) -> Axes:
@@ -109,9 +107,7 @@ def left_over(made: Discovery, ax: Axes | None = None) -> Axes:
         _over_time(ax, run, some, left, color=colour, linewidth=0.8, label=label)
     ax.axhline(0.0, color=INK, linewidth=0.8)
     ax.set_ylabel(f"measured − predicted [{made.unit}]")
-    titled(ax, "What is left of it")
-    legend(ax)
-    return ax
+    return finished(ax, "What is left of it")
 
 
 Line = tuple[str, Array, str, float]
@@ -155,9 +151,7 @@ def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
     ax.axhline(0.0, color=INK, linewidth=0.8)
     words = made.motion.channel.replace("_", " ")
     ax.set_ylabel(f"{words}, measured − simulated [{made.motion.unit}]")
-    titled(ax, f"Driven forward from its inputs: {plain(run.log.name)}")
-    legend(ax)
-    return ax
+    return finished(ax, f"Driven forward from its inputs: {plain(run.log.name)}")
 
 
 def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
@@ -177,9 +171,9 @@ def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     ax.tick_params(axis="y", labelsize=LEAST, length=0)
     ax.set(xlabel=f"RMS on folds that no fit saw [{made.unit}]", xlim=(0.0, None))
     ax.set_ylim(at[-1] - 0.7, 0.7)
-    titled(ax, "By how much the gap shrank, and where" if made.found else "How large the gap is")
-    legend(ax)
-    return ax
+    return finished(
+        ax, "By how much the gap shrank, and where" if made.found else "How large the gap is"
+    )
 
 
 def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
@@ -201,9 +195,7 @@ def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
     ):
         ax.plot(*spectrum, color=look[0], linewidth=look[1], label=label)
     over_orders(ax, spectra["base model"][0], made.unit)
-    titled(ax, "Orders of the residual, before and after")
-    legend(ax)
-    return ax
+    return finished(ax, "Orders of the residual, before and after")
 
 
 def _telling(made: Discovery) -> tuple[int, slice]:
@@ -299,9 +291,7 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
     for place, value in enumerate(values):
         said = f"{value:.3g}" if np.isfinite(value) else "not known"
         ax.annotate(f" {said}", (shown[place], place), va="center", fontsize=8, color=INK)
-    titled(ax, " or\n".join(first.names).replace("_", " "))
-    legend(ax)
-    return ax
+    return finished(ax, " or\n".join(first.names).replace("_", " "))
 
 
 def _without_waits(time: Array, values: Array) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from flexspline.plot.canvas import (
     PlainFigure,
     axes_or_new,
     channel_label,
-    legend,
+    finished,
     log_axis,
     outline,
     titled,
@@ -78,9 +78,7 @@ def external_torques(made: Estimate, ax: Axes | None = None) -> Axes:
         ax.axvspan(start, end, color=GREY, alpha=0.25, linewidth=0)
     ax.set_xlabel(channel_label("time"))
     ax.set_ylabel("external torque [Nm]")
-    titled(ax, f"{made.name}: external torque at the output")
-    legend(ax)
-    return ax
+    return finished(ax, f"{made.name}: external torque at the output")
 
 
 def status_bits(made: Estimate, ax: Axes | None = None) -> Axes:
@@ -140,9 +138,7 @@ def error_over_speed(
         xlabel="speed at the output, first point: at rest [rad/s]",
         ylabel="RMSE of the external torque [Nm]",
     )
-    titled(ax, f"Error over speed; bars: {curve.repetitions}")
-    legend(ax)
-    return ax
+    return finished(ax, f"Error over speed; bars: {curve.repetitions}")
 
 
 def validation(trained: FullRange, log: Log) -> Figure:
@@ -195,9 +191,7 @@ def torque_by_method(
         _line(ax, time, estimates[name], PALETTE[number % len(PALETTE)], _word(name), 1.0)
     _limit(ax, {name: estimates[name] for name in chosen}, log, trained.reference)
     ax.set(xlabel="time [s]", ylabel="external torque, outward [Nm]")
-    titled(ax, f"External torque of {log.name}")
-    legend(ax)
-    return ax
+    return finished(ax, f"External torque of {log.name}")
 
 
 def _line(ax: Axes, time: Array, values: Array, colour: str, label: str, width: float) -> None:
@@ -298,9 +292,7 @@ def thresholds_of_joints(detector: DetectorCalibration, *, ax: Axes | None = Non
     axes.set_xticks(at, names, rotation=90)
     axes.set_xlabel("joint, direction, band of speed")
     axes.set_ylabel(f"residual [{detector.unit}]")
-    titled(axes, "Thresholds of the collision detector")
-    legend(axes)
-    return axes
+    return finished(axes, "Thresholds of the collision detector")
 
 
 def observer_gain(
@@ -349,6 +341,4 @@ def observer_gain(
     axes.set_xlabel("gain K [1/s]")
     axes.set_ylabel("delay [ms]")
     beside.set_ylabel("noise of the external torque [Nm RMS]")
-    titled(axes, "Momentum observer: delay against noise; dotted: gain · period = 1")
-    legend(axes)
-    return axes
+    return finished(axes, "Momentum observer: delay against noise; dotted: gain · period = 1")

@@ -16,10 +16,9 @@ from flexspline.plot.canvas import (
     Panel,
     PlainFigure,
     axes_or_new,
-    legend,
+    finished,
     panelled,
     plain,
-    titled,
 )
 
 if TYPE_CHECKING:
@@ -72,9 +71,7 @@ def parameter_of_joints(made: FleetFit, number: int, ax: Axes | None = None) -> 
     (_named if len(made.units) <= MOST_NAMED else _counted)(made, number, ax)
     words = name.replace("_", " ").replace(".", ": ")
     ax.set_xlabel(f"{words} [{unit}]" if unit not in ("", "1") else words)
-    titled(ax, words[0].upper() + words[1:])
-    legend(ax)
-    return ax
+    return finished(ax, words[0].upper() + words[1:])
 
 
 def _named(made: FleetFit, number: int, ax: Axes) -> None:
@@ -145,6 +142,4 @@ def joint_among_others(made: FleetFit, unit: UnitFit, ax: Axes | None = None) ->
     far = max(3.0, 1.1 * float(np.nanmax(np.abs(off), initial=0.0)))
     ax.set_xlim(-far, far)
     ax.set_xlabel("off the others, in predictive errors")
-    titled(ax, f"{plain(unit.name)} among {len(made.units)} joints")
-    legend(ax)
-    return ax
+    return finished(ax, f"{plain(unit.name)} among {len(made.units)} joints")

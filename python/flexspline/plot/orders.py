@@ -13,7 +13,7 @@ from flexspline.errors import InputError
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.logs.log import Log
 from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, fourier_sums, stretches
-from flexspline.plot.canvas import GREY, INK, LEAST, PALETTE, axes_or_new, legend, log_axis, titled
+from flexspline.plot.canvas import GREY, INK, LEAST, PALETTE, axes_or_new, finished, log_axis
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
@@ -70,9 +70,7 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
     ax.plot(*before, color=GREY, linewidth=2.0, label="target")
     ax.plot(*after, color=PALETTE[3], linewidth=0.9, label="residual")
     over_orders(ax, before[0], fit.unit)
-    titled(ax, "Order spectrum before and after")
-    legend(ax)
-    return ax
+    return finished(ax, "Order spectrum before and after")
 
 
 def over_orders(ax: Axes, order: Array, unit: str) -> None:
@@ -156,11 +154,9 @@ def draw_found(made: OrderAnalysis, ax: Axes | None = None) -> Axes:
     highest = max((found.amplitude for found in made.found), default=0.0)
     ax.set_ylim(0, 1.1 * max(ax.get_ylim()[1], highest))
     count, s = len(made.found) or "no", "" if len(made.found) == 1 else "s"
-    titled(
+    return finished(
         ax, f"{count} order{s} found in {made.runs} run{'' if made.runs == 1 else 's'}".capitalize()
     )
-    legend(ax)
-    return ax
 
 
 def _named(ax: Axes, at: float, height: float) -> None:

@@ -27,7 +27,7 @@ from flexspline.plot.canvas import (
     PlainFigure,
     axes_or_new,
     channel_label,
-    legend,
+    finished,
     panelled,
     spread_evenly,
     titled,
@@ -117,8 +117,7 @@ def _two_signals(ax: Axes, phase: float, size: float, unit: str, title: str) -> 
     ax.plot(degrees, one + other, color=PALETTE[3], linewidth=2.0, label="A + Ā")
     ax.set(xlabel="electrical angle [°]", ylabel=f"ripple [{unit}]", ylim=(-1.9 * size, 1.9 * size))
     ax.xaxis.set_major_locator(MultipleLocator(90))
-    titled(ax, title)
-    legend(ax)
+    finished(ax, title)
 
 
 def _sum_over_phase(ax: Axes, size: float, unit: str, order: int) -> None:
@@ -130,8 +129,7 @@ def _sum_over_phase(ax: Axes, size: float, unit: str, order: int) -> None:
         ax.plot([math.degrees(at)], [left], "o", color=colour, label=label)
     ax.set(xlabel="electrical phase between A and Ā [°]", ylabel=f"amplitude of A + Ā [{unit}]")
     ax.xaxis.set_major_locator(MultipleLocator(90))
-    titled(ax, f"What is left; spokes are {order} times closer")
-    legend(ax)
+    finished(ax, f"What is left; spokes are {order} times closer")
 
 
 def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest: int = 8) -> Axes:
@@ -153,9 +151,7 @@ def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest
         xticks=orders,
         ylim=(0.0, 105.0),
     )
-    titled(ax, "What a placement lets through")
-    legend(ax)
-    return ax
+    return finished(ax, "What a placement lets through")
 
 
 def placement_ripple(result: PlacementRipple, ax: Axes | None = None) -> Axes:
@@ -184,9 +180,7 @@ def placement_ripple(result: PlacementRipple, ax: Axes | None = None) -> Axes:
     )
     percent.set_ylabel("[% of full scale]", fontsize=9.5, color=INK)
     percent.tick_params(labelsize=8.5, colors=INK)
-    titled(ax, "Ripple left over the placement tolerance")
-    legend(ax)
-    return ax
+    return finished(ax, "Ripple left over the placement tolerance")
 
 
 def _tolerance_axis(result: PlacementRipple) -> tuple[str, float]:
@@ -215,9 +209,9 @@ def heating_curves(result: HeatingDrift, ax: Axes | None = None, *, uneven: bool
         ax.fill_between(result.temperature, low, high, color=colour, alpha=0.2, linewidth=0)
     ax.axhline(0.0, color=GREY, linewidth=0.8)
     ax.set(xlabel="temperature of the body [°C]", ylabel="drift of the reading [Nm]")
-    titled(ax, f"Drift, heated {'unevenly' if uneven else 'evenly'} (band: 90 % of bridges)")
-    legend(ax)
-    return ax
+    return finished(
+        ax, f"Drift, heated {'unevenly' if uneven else 'evenly'} (band: 90 % of bridges)"
+    )
 
 
 def noise_shares(budget: NoiseBudget, ax: Axes | None = None) -> Axes:
@@ -272,9 +266,7 @@ def voltage_drift(result: CalibrationResult, ax: Axes | None = None) -> Axes:
     low, high = MILLI * (curve - NORMAL_95 * error), MILLI * (curve + NORMAL_95 * error)
     ax.fill_between(grid, low, high, color=INK, alpha=0.2, linewidth=0, label="95 %")
     ax.set(xlabel=channel_label("temperature"), ylabel="voltage without load [mV]")
-    titled(ax, "Drift over temperature")
-    legend(ax)
-    return ax
+    return finished(ax, "Drift over temperature")
 
 
 def compensation(result: CalibrationResult, ax: Axes | None = None) -> Axes:
@@ -311,9 +303,7 @@ def compensation(result: CalibrationResult, ax: Axes | None = None) -> Axes:
     ax.axhline(0.0, color=INK, linewidth=0.8)
     what = "reading − reference [Nm]" if torque else "voltage, zero taken off [mV]"
     ax.set(xlabel=channel_label("temperature"), ylabel=what)
-    titled(ax, "Before and after the compensation")
-    legend(ax)
-    return ax
+    return finished(ax, "Before and after the compensation")
 
 
 def calibration_line(result: CalibrationResult, ax: Axes | None = None) -> Axes:
@@ -340,9 +330,7 @@ def calibration_line(result: CalibrationResult, ax: Axes | None = None) -> Axes:
         label=label, zorder=1,
     )  # fmt: skip
     ax.set(xlabel="sensor voltage, drift taken off [V]", ylabel=channel_label("reference_torque"))
-    titled(ax, "Calibration")
-    legend(ax)
-    return ax
+    return finished(ax, "Calibration")
 
 
 def calibration_deviation(result: CalibrationResult, ax: Axes | None = None) -> Axes:
@@ -367,9 +355,7 @@ def calibration_deviation(result: CalibrationResult, ax: Axes | None = None) -> 
         )  # fmt: skip
     ax.axhline(0.0, color=INK, linewidth=0.8)
     ax.set(xlabel=channel_label("reference_torque"), ylabel="reading − reference [%FS]")
-    titled(ax, "Beside the line")
-    legend(ax)
-    return ax
+    return finished(ax, "Beside the line")
 
 
 def _dots(

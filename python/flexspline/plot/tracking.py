@@ -17,11 +17,10 @@ from flexspline.plot.canvas import (
     Panel,
     PlainFigure,
     axes_or_new,
-    legend,
+    finished,
     own_style,
     panelled,
     plain,
-    titled,
 )
 from flexspline.tracking.result import spoken
 
@@ -93,8 +92,7 @@ def _draw_joints(made: FleetTrack, name: str, moved: Sequence[str], ax: Axes) ->
         ax.fill_between(band.dates, band.low, band.high, color=colour, alpha=0.2, linewidth=0.0)
     _dated(ax)
     ax.set_ylabel(f"[{unit}]" if unit != "1" else "")
-    titled(ax, spoken(name))
-    legend(ax)
+    finished(ax, spoken(name))
 
 
 def _panel(made: Track, p: int) -> Panel:
@@ -142,8 +140,7 @@ def _draw(
         ax.axhline(limit.limit, color=INK, linewidth=1.0, linestyle=":", label="limit")
     _dated(ax)
     ax.set_ylabel(f"[{parameter.unit}]" if parameter.unit != "1" else "")
-    titled(ax, spoken(parameter.name))
-    legend(ax)
+    finished(ax, spoken(parameter.name))
 
 
 def _dated(ax: Axes) -> None:

@@ -43,6 +43,7 @@ from flexspline.plot.canvas import (
     PALETTE,
     PlainFigure,
     axes_or_new,
+    finished,
     legend,
     log_axis,
     titled,
@@ -895,8 +896,7 @@ def collisions(arm: Arm) -> PlainFigure:
         a.axhline(-1e3 * bound, color=RED, linestyle=style, linewidth=1.0)
     low, high = a.get_ylim()
     a.set(xlabel="time [s]", ylabel="external torque [mNm]", ylim=(low, high + 0.3 * (high - low)))
-    titled(a, "a  two minutes without contact")
-    legend(a)
+    finished(a, "a  two minutes without contact")
     for hit, colour in zip(arm.hits, (BLUE, ORANGE, GREEN), strict=True):
         _near(b, hit, hit.residual, hit.free.log["time"], colour, _speed(hit))
         b.axvline(1e3 * hit.delay, color=colour, linestyle="--", linewidth=0.9)
@@ -905,11 +905,9 @@ def collisions(arm: Arm) -> PlainFigure:
     b.axhline(THRESHOLD, color=RED, linewidth=1.0)
     b.axhline(-THRESHOLD, color=RED, linewidth=1.0)
     b.set(xlabel="time since the touch [ms]", ylabel="external torque [Nm]")
-    titled(b, "b  collisions; dashed: the flag")
-    legend(b)
+    finished(b, "b  collisions; dashed: the flag")
     c.set(xlabel="time since the touch [ms]", ylabel="|torque on the obstacle| [Nm]")
-    titled(c, "c  contact with the stop (full) and without (dotted)")
-    legend(c)
+    finished(c, "c  contact with the stop (full) and without (dotted)")
     return figure
 
 

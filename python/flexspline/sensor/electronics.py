@@ -5,7 +5,6 @@ The noise of a torque reading has its sources each in V and in Nm, and their sum
 
 from __future__ import annotations
 
-import html
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero
-from flexspline.formatting import rows_html, rows_text, short
+from flexspline.formatting import rows_text, scores_html, short
 from flexspline.sensor.bridge import Bridge
 
 if TYPE_CHECKING:
@@ -202,9 +201,7 @@ class NoiseBudget:
 
     def to_html(self) -> str:
         """Return the table as HTML."""
-        rows = rows_html(self._rows())
-        title = html.escape(self._title())
-        return f'<table class="scores"><caption>{title}</caption>{rows}</table>'
+        return scores_html(self._rows(), caption=self._title())
 
     def _repr_html_(self) -> str:
         return self.to_html()
