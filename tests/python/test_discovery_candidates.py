@@ -11,6 +11,7 @@ import pytest
 from flexspline.discovery.basis import ROUND, _fine, _motor_angle
 from flexspline.discovery.candidates import (
     CORE_PAIRS,
+    SeenOrders,
     _low,
     _of_facts,
     order_candidates,
@@ -33,10 +34,10 @@ def orders(tried: list) -> dict[str, list[int]]:
 
 
 def test_low_orders_of_all_that_turns_are_tried_where_the_gear_ratio_is_known() -> None:
-    tried = orders(_low(GEAR, scanned_out=False))
+    tried = orders(_low(GEAR, more=False))
     assert "output_housing" in tried and len(tried) > 1
     assert all(found == list(range(1, SETTINGS.tried + 1)) for found in tried.values())
-    after = orders(_low(GEAR, scanned_out=True))
+    after = orders(_low(GEAR, more=True))
     assert len(after["output_housing"]) == SETTINGS.functions > SETTINGS.tried
     assert {k: v for k, v in after.items() if k != "output_housing"} == {
         k: v for k, v in tried.items() if k != "output_housing"
@@ -44,7 +45,7 @@ def test_low_orders_of_all_that_turns_are_tried_where_the_gear_ratio_is_known() 
 
 
 def test_without_a_gear_ratio_nothing_of_the_motor_is_tried() -> None:
-    assert list(orders(_low({}, scanned_out=False))) == ["output_housing"]
+    assert list(orders(_low({}, more=False))) == ["output_housing"]
     assert _of_facts({"pole_pairs": 7, "slots": 36}) == []
 
 
@@ -69,7 +70,9 @@ def test_twice_a_larger_order_of_the_wave_generator_may_be_its_own(
         for k, size, name in ((2, sizes[0], "wave_generator_ripple"), (order, sizes[1], "cogging"))
     ]  # fmt: skip
     names = ["cogging", "wave_generator_ripple"]
-    orders_of = order_candidates(names, facts, cast(Any, found), (), "sensor_torque", 6.0)
+    orders_of = order_candidates(
+        names, facts, SeenOrders(cast(Any, found)), (), "sensor_torque", 6.0
+    )
     motor = CORE_PAIRS["motor_stator"]
     assert (order, motor) in orders_of["cogging"]
     assert ((order, motor) in orders_of["wave_generator_ripple"]) is both
@@ -116,7 +119,7 @@ def test_the_size_of_a_channel_is_its_largest_without_the_outermost_half_per_cen
 
 def test_where_nothing_turns_no_order_is_found() -> None:
     still = Log.from_arrays(time=np.arange(0.0, 5.0, 0.01), output_position=np.full(500, 0.3))
-    assert scanned([still], [np.zeros(500)], "Nm") == ()
+    assert scanned([still], [np.zeros(500)], "Nm") == SeenOrders()
 
 
 def test_a_candidate_whose_channel_has_holes_is_left_out_with_the_log_that_has_them() -> None:

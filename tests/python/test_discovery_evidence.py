@@ -15,7 +15,7 @@ import flexspline
 sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 
 from elsewhere_effects import tried as elsewhere
-from hidden.cases import cases
+from hidden.cases import cases, recorded_cases
 from hidden.trial import Outcome, tried
 
 from flexspline.discovery.candidates import Candidate
@@ -146,6 +146,20 @@ def test_two_names_take_the_place_of_one_that_stood_for_both() -> None:
     """Viscous and Stribeck friction are near one bent viscous friction."""
     made = elsewhere(389)
     assert made.right and {*made.names} == {"viscous_friction", "stribeck_friction"}, made
+
+
+@pytest.mark.parametrize("seed", [1122, 1181])
+def test_ripple_of_the_output_is_found_where_a_scan_is_certain_of_no_order(seed: int) -> None:
+    """Over less than a turn: an order only may be there; or functions of the angle tell more."""
+    made = elsewhere(seed)
+    assert made.right and "output_ripple" in made.names, made
+
+
+def test_viscous_friction_is_tried_beside_a_width_that_its_absence_drives_to_the_bound() -> None:
+    """What turns over as slowly as that is no rest; it was nonlinear viscous friction at 99 %."""
+    (case,) = (c for c in recorded_cases("robot") if c.number == 392)
+    made = tried(case)
+    assert {*made.names} == {"viscous_friction", "wave_generator_ripple"}, made
 
 
 def test_viscous_friction_is_tried_though_a_slow_change_of_direction_hides_what_it_gains() -> None:

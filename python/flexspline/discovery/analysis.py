@@ -398,6 +398,8 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     context.scan(lax)
     say("functions of the channels")
     beside = leftover_of(ExplainableBound(whole.problem, first), lax).groups
+    if any(group.channels == ("output_position",) for group in beside):
+        context.orders = replace(context.orders, low=True)
     whitening = restricted_whitening(context.problem, lax, Functions(beside) if beside else None)
     few.orders = context.orders
     searcher = Searcher(few, whitening, say=say)

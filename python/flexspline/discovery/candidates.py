@@ -45,9 +45,9 @@ from flexspline.orders.parts import Pair, owner, pairs
 from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
-__all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "candidates_for", "freedoms", "held_of",
-           "joined", "order_candidates", "possible", "scanned", "span_of", "unseen", "unseen_of",
-           "with_freedoms"]  # fmt: skip
+__all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "SeenOrders", "candidates_for",
+           "freedoms", "held_of", "order_candidates", "possible", "scanned", "span_of", "unseen",
+           "unseen_of", "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"
@@ -132,31 +132,45 @@ FACTS = ("pole_pairs", "slots")
 WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
 
 
-def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[FoundOrder, ...]:
-    """Return the orders that stand out of residuals, (N,) for each log; none without motion."""
-    try:
-        return find_orders(logs, residuals, unit=unit).found
-    except InputError:
-        return ()
+@dataclass(frozen=True)
+class SeenOrders:
+    """Orders that stand out of residuals; `low`: whether low ones of the output may be there too.
 
-
-def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
-    """Return the orders of two scans, each once, the strongest of each scan first.
-
-    What is left after the first scan may peak beside an order that it had, within its resolution.
+    Over less than a turn a scan takes one of these for two, or is certain of none.
     """
 
-    def known(line: FoundOrder) -> bool:
-        apart = (abs(line.per_output_turn - b.per_output_turn) / b.resolution for b in before)
-        return min(apart, default=np.inf) < 1.0
+    found: tuple[FoundOrder, ...] = ()
+    low: bool = False
 
-    return before[: SETTINGS.functions // 2] + tuple(line for line in after if not known(line))
+    def joined(self, after: SeenOrders) -> SeenOrders:
+        """Return the orders of two scans, each once, the strongest of each scan first.
+
+        What is left after the first may peak beside an order that it had, within its resolution.
+        """
+
+        def known(line: FoundOrder) -> bool:
+            at = line.per_output_turn
+            apart = (abs(at - one.per_output_turn) / one.resolution for one in self.found)
+            return min(apart, default=np.inf) < 1.0
+
+        new = tuple(line for line in after.found if not known(line))
+        return SeenOrders(self.found[: SETTINGS.functions // 2] + new, self.low or after.low)
+
+
+def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> SeenOrders:
+    """Return the orders that stand out of residuals, (N,) for each log; none without motion."""
+    try:
+        made = find_orders(logs, residuals, unit=unit)
+    except InputError:
+        return SeenOrders()
+    low = bool(made.faint) or any(line.pair == "output_housing" for line in made.found)
+    return SeenOrders(made.found, low)
 
 
 def order_candidates(
     names: Sequence[str],
     facts: Mapping[str, Any],
-    found: Sequence[FoundOrder],
+    seen: SeenOrders,
     model: Sequence[Effect],
     target: str,
     span: float,
@@ -169,8 +183,8 @@ def order_candidates(
     """
     taken = {h for e in model for h in e.harmonics if e.name != MODULATED_RIPPLE}
     taken |= {ONE_SINE for e in model if e.name == GRAVITY}
-    scanned_out = any(line.pair == "output_housing" for line in found)
-    low = [(k, pair) for k, pair in _low(facts, scanned_out) if k * span * abs(pair.turns) >= np.pi]
+    found = seen.found
+    low = [(k, pair) for k, pair in _low(facts, seen.low) if k * span * abs(pair.turns) >= np.pi]
     wanted = []
     for k, pair in [*low, *_of_facts(facts)]:
         name, _ = owner(OrderCandidate(k, pair, k * pair.turns), facts, alone=False)
@@ -188,9 +202,9 @@ def order_candidates(
         if harmonic not in taken:
             own.setdefault(name, []).append(harmonic)
     leading = [h for e in model if e.name in MOTOR_RIPPLES for h in e.harmonics]
-    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
-            if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
-    own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *seen]))
+    lines = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
+             if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
+    own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *lines]))
     return {
         name: tuple(h for h in own[name] if h[1] in CATALOGUE[name].pairs)[: _core.max_harmonics]
         for name in names
@@ -233,12 +247,8 @@ def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
     return {f"{e.name}.{e.terms[k].name}": 0.0 for e in effects for k in unseen(e, span)}
 
 
-def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
-    """Low orders of every pair whose angle is another than those before.
-
-    `scanned_out`: whether a scan sees ripple of the output. It may take one order for two: then all
-    that it may have seen are tried.
-    """
+def _low(facts: Mapping[str, Any], more: bool) -> list[tuple[int, Pair]]:
+    """Low orders of every pair whose angle is another than those before; `more` of the output."""
     kept: list[Pair] = []
     for pair in pairs(facts):
         if pair.motor and pair.turns != pair.turns:
@@ -246,7 +256,7 @@ def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
         if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
             kept.append(pair)
     some, many = SETTINGS.tried, SETTINGS.functions
-    most = {pair.name: many if scanned_out and not pair.motor else some for pair in kept}
+    most = {pair.name: many if more and not pair.motor else some for pair in kept}
     return [(order, pair) for pair in kept for order in range(1, most[pair.name] + 1)]
 
 

@@ -24,8 +24,8 @@ from flexspline.discovery.basis import LEAD, bent_forms, places_of, turning_over
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
+    SeenOrders,
     candidates_for,
-    joined,
     order_candidates,
     possible,
     scanned,
@@ -56,7 +56,6 @@ from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
-from flexspline.orders import FoundOrder
 from flexspline.regression.candidate_model import CandidateModel, refitted, started
 from flexspline.regression.gram import (
     Columns,
@@ -84,7 +83,6 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-Orders = tuple[FoundOrder, ...]
 
 
 @dataclass(eq=False, repr=False)
@@ -98,11 +96,13 @@ class SearchContext:
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
-    orders: Orders = ()
+    orders: SeenOrders = field(default_factory=SeenOrders)
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
     last: tuple[CandidateModel, Whitening, Dictionary] | None = None
-    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(default_factory=dict)
+    known: dict[tuple[Effect, ...], tuple[SeenOrders, list[Candidate]]] = field(
+        default_factory=dict
+    )
 
     @property
     def target(self) -> str:
@@ -156,7 +156,7 @@ class SearchContext:
         """Look for orders in what a model leaves; those of earlier scans stay."""
         logs = [run.log for run in self.problem.runs]
         residuals = left_of(self.problem, work.effects, work.coefficients, work.coefficients)
-        self.orders = joined(self.orders, scanned(logs, residuals, UNITS[self.target]))
+        self.orders = self.orders.joined(scanned(logs, residuals, UNITS[self.target]))
 
 
 def search_context_of(
@@ -368,10 +368,12 @@ class Searcher:
                 both, rest = (ripple.name, out), self.less(work, out)
                 if beside is None or len(rest.effects) + 1 < len(work.effects):
                     continue
-                cost = sum(cost_of(dictionary, work, name) for name in both)
-                least = dictionary.gain(*both) - cost
-                made = offers(beside, dictionary.without(both), plain=True, only=ripple.name)
-                for offer in (o for o in made if o.net > least):
+                model, plain = dictionary.without(both), out != GRAVITY
+                for offer in offers(beside, model, plain=plain, only=ripple.name):
+                    each = offer.threshold / len(offer.effect.harmonics)  # of orders, old or new
+                    cost = each * len(ripple.harmonics) + cost_of(dictionary, work, out)
+                    if offer.net <= dictionary.gain(*both) - cost:
+                        continue
                     effects = [offer.effect if e is ripple else e for e in rest.effects]
                     trial, left = self.fitted(rest.having(effects))
                     paid = left + offer.threshold < squares + cost
