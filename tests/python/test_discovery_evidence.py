@@ -155,6 +155,12 @@ def test_ripple_of_the_output_is_found_where_a_scan_is_certain_of_no_order(seed:
     assert made.right and "output_ripple" in made.names, made
 
 
+def test_a_small_bump_at_one_angle_is_no_ripple_of_four_orders() -> None:
+    """Four orders told t = 13 of it, one place more than these; it was a ripple at 99 %."""
+    made = elsewhere(926)
+    assert made.right and made.names == () and made.unexplained, made
+
+
 def test_viscous_friction_is_tried_beside_a_width_that_its_absence_drives_to_the_bound() -> None:
     """What turns over as slowly as that is no rest; it was nonlinear viscous friction at 99 %."""
     (case,) = (c for c in recorded_cases("robot") if c.number == 392)
