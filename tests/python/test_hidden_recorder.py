@@ -319,8 +319,8 @@ def test_the_table_of_a_class_has_its_bars_and_counts_what_was_not_dealt() -> No
     plain = {"t_base": {}, "closest": {}, "faults": (), "unexplained": None,
              "closed": 0.95, "seconds": 2.0}  # fmt: skip
     right = Outcome(ROBOT, names=("gravity",), aliases=((),), confidences=(0.9,),
-                    means=("gravity",), right=True, rmse=((2.0, 1.0),), told=(True,), alone=(False,),
-                    unseen=((2.0, 1.0, 9.0),), **plain)  # fmt: skip
+                    means=("gravity",), right=True, rmse=((2.0, 1.0),), told=(True,),
+                    alone=(False,), unseen=((2.0, 1.0, 9.0),), **plain)  # fmt: skip
     wrong = replace(right, names=("cogging",), means=("",), right=False, wrong=True, told=(False,))
     undealt = replace(right, undealt={"gravity": 40.0}, right=False)
     said = {s.what: s for s in class_shares([right, wrong, undealt])}
