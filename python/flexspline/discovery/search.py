@@ -610,7 +610,8 @@ class Searcher:
     def _at_few_places(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
-        Many orders follow a bump. Counted until the orders explain most of what all of them do.
+        Many orders follow a bump. Counted until the orders explain most of what all of them do; of
+        a small ripple these runs do not tell.
         """
         if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
@@ -622,10 +623,11 @@ class Searcher:
         left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
         places = greedy(left, raw, np.arange(own[-1] + 1, len(table.total) - 1)[:, None])
-        enough = SETTINGS.most * gain_of(left, own, raw)[0]
-        least = threshold(1, 1.0, len(left) - own[-1])
+        gain, least = gain_of(left, own, raw)[0], threshold(1, 1.0, len(left) - own[-1])
+        if gain < (0.5 * SETTINGS.certain) ** 2:
+            return False
         pairs = zip(orders, places, strict=False)
-        return next((b > a + least for a, b in pairs if a >= enough), False)
+        return next((b > a + least for a, b in pairs if a >= SETTINGS.most * gain), False)
 
 
 def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]:
