@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,6 +14,7 @@ from test_hidden_in_torsion import dead_zone, mesh
 from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
+from flexspline.discovery.discovering import _Recorded
 from flexspline.effects import effect
 from flexspline.logs.log import Log
 
@@ -69,3 +73,19 @@ def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_spee
     logs = [fine(log) for log in joint_runs(4, added=ripple, target="motor_torque")]
     made = flexspline.discover(base(), logs, target="motor_torque", known_load=LOAD)
     assert set(made.names) == {"wave_generator_ripple", "cogging"}
+
+
+@pytest.mark.parametrize(
+    ("beside", "without", "searched"),
+    [(0.6, 0.6, False), (0.6, 0.4, True), (0.4, 0.6, True)],
+)
+def test_without_a_lag_names_are_looked_for_anew_but_where_functions_explain_more(
+    beside: float, without: float, searched: bool
+) -> None:
+    """With the lag and without: where one of both leaves an answer possible, names are sought."""
+    same = SimpleNamespace(unexplained=without)
+    made: Any = SimpleNamespace(
+        unexplained_beyond=lambda given: beside, in_runs=lambda context, plain: same
+    )
+    runs: Any = SimpleNamespace(context=lambda free: [free], analysed=lambda free: "anew")
+    assert _Recorded.without_lag(runs, made, ()) == ("anew" if searched else same)
