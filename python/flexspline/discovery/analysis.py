@@ -257,20 +257,23 @@ class Analysis:
 
     def without(self, *names: str) -> Analysis:
         """Return the analysis without some effects: the others refitted, what is left anew."""
-        final, _ = self.searcher.fitted(self.searcher.less(self.final, *names))
-        if {*names} & {e.name for e in self.base.effects}:
-            base, _ = self.searcher.fitted(self.base.without(*names))
-            return replace(self, base=base, final=final)
+        final = self.searcher.less(self.final, *names)
+        if not {*names} & {e.name for e in self.base.effects}:
+            return self.of(final)
+        final, _ = self.searcher.fitted(final)
+        base, _ = self.searcher.fitted(self.base.without(*names))
+        return replace(self, base=base, final=final)
+
+    def of(self, work: CandidateModel) -> Analysis:
+        """Return the analysis with another final model: that refitted, what is left anew."""
+        final, _ = self.searcher.fitted(work)
         leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
         return replace(self, final=final, leftover=leftover)
 
     def with_orders(self, effect: Effect, orders: Sequence[Harmonic]) -> Analysis:
-        """Return the analysis with a named ripple of these orders alone, as `without`."""
+        """Return the analysis with a named ripple of these orders alone."""
         less = effect.with_orders(orders)
-        effects = [less if e is effect else e for e in self.final.effects]
-        final, _ = self.searcher.fitted(self.final.having(effects))
-        leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
-        return replace(self, final=final, leftover=leftover)
+        return self.of(self.final.having([less if e is effect else e for e in self.final.effects]))
 
     def in_runs(self, context: SearchContext, plain: str) -> Analysis:
         """Return the analysis of the same runs prepared in another way: the same names, refitted.
