@@ -376,6 +376,6 @@ def _more(left: Array, kept: Columns, groups: NDArray[np.intp], raw: Array) -> A
 
 
 def _parted(left: Array, groups: NDArray[np.intp], raw: Array) -> NDArray[np.bool_]:
-    """Whether every mix of each group of columns (n, k) keeps some of its squares, (n,)."""
+    """Whether every mix of each group of columns (n, k) keeps a share of its squares, (n,)."""
     products, _ = scaled_products(left, groups, raw)
-    return np.asarray(np.linalg.eigvalsh(products)[:, 0] >= SETTINGS.little * SETTINGS.negligible)
+    return np.asarray(np.linalg.eigvalsh(products)[:, 0] >= SETTINGS.negligible)
