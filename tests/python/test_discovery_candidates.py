@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from flexspline.discovery import candidates
 from flexspline.discovery.basis import ROUND, _fine, _motor_angle
 from flexspline.discovery.candidates import (
     CORE_PAIRS,
@@ -34,10 +35,10 @@ def orders(tried: list) -> dict[str, list[int]]:
 
 
 def test_low_orders_of_all_that_turns_are_tried_where_the_gear_ratio_is_known() -> None:
-    tried = orders(_low(GEAR, more=False))
+    tried = orders(_low(GEAR, seen=False))
     assert "output_housing" in tried and len(tried) > 1
     assert all(found == list(range(1, SETTINGS.tried + 1)) for found in tried.values())
-    after = orders(_low(GEAR, more=True))
+    after = orders(_low(GEAR, seen=True))
     assert len(after["output_housing"]) == SETTINGS.functions > SETTINGS.tried
     assert {k: v for k, v in after.items() if k != "output_housing"} == {
         k: v for k, v in tried.items() if k != "output_housing"
@@ -45,7 +46,7 @@ def test_low_orders_of_all_that_turns_are_tried_where_the_gear_ratio_is_known() 
 
 
 def test_without_a_gear_ratio_nothing_of_the_motor_is_tried() -> None:
-    assert list(orders(_low({}, more=False))) == ["output_housing"]
+    assert list(orders(_low({}, seen=False))) == ["output_housing"]
     assert _of_facts({"pole_pairs": 7, "slots": 36}) == []
 
 
@@ -115,6 +116,29 @@ def test_the_size_of_a_channel_is_its_largest_without_the_outermost_half_per_cen
     values = np.linspace(-1.0, 1.0, 20001)
     assert _size(values, "Nm") == pytest.approx(0.995)
     assert _size(values, "rad") == pytest.approx(0.99)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "faint", "low"),
+    [((), (), False), (("motor_stator",), (), False), (("output_housing",), (), True),
+     ((), (SimpleNamespace(order=7),), True)],
+)  # fmt: skip
+def test_a_scan_that_is_not_certain_of_low_orders_has_more_of_them_tried(
+    monkeypatch: pytest.MonkeyPatch, pairs: tuple[str, ...], faint: tuple[Any, ...], low: bool
+) -> None:
+    found = tuple(SimpleNamespace(pair=pair) for pair in pairs)
+    scan = SimpleNamespace(found=found, faint=faint)
+    monkeypatch.setattr(candidates, "find_orders", lambda *_, **__: scan)
+    assert scanned([], [], "Nm") == SeenOrders(cast(Any, found), low)
+
+
+def test_orders_of_two_scans_are_each_there_once_and_low_ones_stay_seen() -> None:
+    def line(order: float) -> Any:
+        return SimpleNamespace(per_output_turn=order, resolution=0.5)
+
+    both = SeenOrders((line(3.0), line(100.0))).joined(SeenOrders((line(100.4), line(7.0)), True))
+    assert [one.per_output_turn for one in both.found] == [3.0, 100.0, 7.0] and both.low
+    assert SeenOrders((), True).joined(SeenOrders()).low
 
 
 def test_where_nothing_turns_no_order_is_found() -> None:

@@ -25,7 +25,7 @@ from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
 from flexspline.effects.causes import LAG
 from flexspline.least_squares.linear import UnsettledError
-from flexspline.least_squares.result import Fit
+from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
 from flexspline.regression.candidate_model import fall_of, rmse_error
@@ -169,6 +169,17 @@ def test_an_order_that_is_not_significant_is_no_part_of_a_name(
     )
     found: Any = confirmation._without_idle_order(made, fit)
     assert found == (None if kept is None else (ripple, kept))
+
+
+def test_walds_test_of_one_order_is_that_of_its_two_coefficients() -> None:
+    made = fitted()
+    names = ("nonlinear_viscous_friction.quadratic", "nonlinear_viscous_friction.cubic")
+    name = names[0].split(".")[0]
+    assert wald(made, name, terms=names) == wald(made, name)
+    for term in names:
+        value, error = value_of(made, term)
+        square, count = wald(made, name, held=True, terms=[term])
+        assert count == 1 and square == pytest.approx((value / error) ** 2, rel=1e-9)
 
 
 # ------------------------------------------------------------------------------ withdrawn

@@ -236,3 +236,12 @@ def test_what_reads_the_load_of_the_model_goes_with_what_makes_it(
         "offset",
         "viscous_friction",
     ]
+
+
+def test_a_ripple_of_other_orders_holds_no_coefficient_of_those_that_it_had() -> None:
+    """Those that wave too slowly for the runs are held at zero; it had raised an error."""
+    held = {"output_ripple.cosine 1": 0.0, "output_ripple.sine 1": 0.0, "output_ripple.sine 6": 0.5}
+    slow, other = (effect("output_ripple", orders=orders) for orders in ([1, 6], [2, 6]))
+    made = candidate_model_of([effect("offset"), slow], 1, held).having([effect("offset"), other])
+    assert made.fixed == {"output_ripple.sine 6": 0.5}
+    assert made.values("output_ripple")[-1] == 0.5

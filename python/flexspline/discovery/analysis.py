@@ -23,6 +23,7 @@ from flexspline.discovery.search import SearchContext, Searcher, form_of, freedo
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect, Harmonic
+from flexspline.effects.causes import COGGING, WAVE_GENERATOR_RIPPLE
 from flexspline.errors import listed
 from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
@@ -140,28 +141,44 @@ class Rival:
         return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
 
-def rivals_of(searcher: Searcher, work: CandidateModel, effect: Effect) -> list[Rival]:
-    """Return the rivals of a named effect, the best first."""
+def rivals_of(
+    searcher: Searcher, work: CandidateModel, effect: Effect, tied: Sequence[Dependence] = ()
+) -> list[Rival]:
+    """Return the rivals of a named effect, the best first; none that physics does not allow.
+
+    `tied`: channels that are nearly a function of another; what remembers is tied by none.
+    """
     dictionary = searcher.context.dictionary(work, searcher.whitening, without=[effect.name])
     own = dictionary.gain(effect.name)
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
-    near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
+    near = SETTINGS.doubtful + form * own  # more is no alias, whatever its shape
     made = [*_offered(dictionary, effect), *_more_orders(searcher, work, effect)]
     found = []
     for rank, (kept, more, offer) in enumerate(sorted(made, key=lambda one: one[0])):
-        gain, there = offer.gain, None
-        if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
-            kept, gain, there = _refitted(searcher, work, effect, offer, kept)
-        left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-        adds = float(np.sqrt(max(more - len(offer.columns), 0.0)))
-        more_of = offer.effect.name in [e.name for e in work.effects]
-        rival = Rival(offer.effect, gain, own, left, adds, form, moved=moved, more=more_of)
-        if there is None and rival.alias:
-            there, _ = searcher.fitted(_with(work.without(effect.name), offer.effect))
-        if there is None or not searcher.forbidden(there, rival.name):
-            found.append(rival)
+        close = rank < SETTINGS.tried and kept < near and offer.gain >= EXPLAINS * own
+        rival = Rival(
+            offer.effect, offer.gain, own,
+            left=float(np.sqrt(max(kept - len(effect.terms), 0.0))),
+            adds=float(np.sqrt(max(more - len(offer.columns), 0.0))),
+            form=form, moved=moved, tied=_tie(offer.effect, effect, tied),
+            more=offer.effect.name in [e.name for e in work.effects],
+        )  # fmt: skip
+        if close or rival.alias:
+            kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
+            if not rival.more and searcher.forbidden(trial, rival.name):
+                continue
+            left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
+            rival = replace(rival, gain=gain, left=left)
+        found.append(rival)
     return sorted(found, key=lambda rival: -rival.gain)
+
+
+def _tie(rival: Effect, effect: Effect, tied: Sequence[Dependence]) -> tuple[str, ...]:
+    """The two channels that tie a rival to an effect; () where none do."""
+    alike = rival.info.remembers == effect.info.remembers
+    reads = effect.info.reads, rival.info.reads
+    return next((one.said for one in tied if alike and one.swapped(*reads)), ())
 
 
 def _offered(dictionary: Dictionary, effect: Effect) -> list[tuple[float, float, Offer]]:
@@ -181,14 +198,13 @@ def _more_orders(
     """As `_offered`, orders that other effects of the model may have beside those that they have.
 
     A sine of the angle is gravity, or the first order of a ripple whose second one is named. What
-    pole pairs or slots claim is cogging, or the overtone of a wave generator's order.
+    pole pairs or slots claim is cogging, or the overtone of a larger order of the wave generator.
     """
     context, more = searcher.context, list[Candidate]()
     for other in (e for e in work.effects if e.harmonics and e.name != effect.name):
         rest = [e for e in work.effects if e.name not in (effect.name, other.name)]
         new = context.orders_of([other.name], rest).get(other.name, ())
-        doubled = [(2 * order, pair) for order, pair in other.harmonics]
-        own = dict.fromkeys([*new, *(h for h in doubled if h in effect.harmonics)])
+        own = dict.fromkeys([*new, *_overtones(work, effect, other)])
         atoms = tuple(other.with_orders([h]) for h in own if h not in other.harmonics)
         if atoms:
             more.append(Candidate(other.name, (other,), (atoms,)))
@@ -197,6 +213,18 @@ def _more_orders(
     wanted = [atom for one in more for atom in one.effects]
     beside = dictionary_of(context.problem, work, wanted, searcher.whitening)
     return _offered(replace(beside, candidates=tuple(more)), effect)
+
+
+def _overtones(work: CandidateModel, effect: Effect, other: Effect) -> list[Harmonic]:
+    """Orders of cogging that are twice a larger one of the wave generator's ripple."""
+    if (effect.name, other.name) != (COGGING, WAVE_GENERATOR_RIPPLE):
+        return []
+    sizes, mine = (
+        dict(zip(e.harmonics, np.hypot(*work.values(e.name).reshape(-1, 2).T), strict=True))
+        for e in (other, effect)
+    )
+    doubled = [((2 * order, pair), size) for (order, pair), size in sizes.items()]
+    return [harmonic for harmonic, size in doubled if size > mine.get(harmonic, np.inf)]
 
 
 def simplest(searcher: Searcher, work: CandidateModel) -> CandidateModel:
@@ -256,7 +284,7 @@ class Analysis:
     generalised: bool = False
 
     def without(self, *names: str) -> Analysis:
-        """Return the analysis without some effects: the others refitted, what is left anew."""
+        """Return the analysis without some effects: the others refitted; of names, what is left."""
         final = self.searcher.less(self.final, *names)
         if not {*names} & {e.name for e in self.base.effects}:
             return self.of(final)
@@ -280,8 +308,8 @@ class Analysis:
 
         `plain`: an effect of the base that is left out.
         """
+        context.orders, context.tied = self.context.orders, self.context.tied
         part = context.thinned()
-        context.orders = part.orders = self.context.orders
         searcher = replace(self.searcher, context=context)
         base, _ = searcher.fitted(self.base.without(plain))
         final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
@@ -391,6 +419,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
 
     Of long logs a part is searched first, then all rows from there. Where the part leaves no doubt
     that functions explain more than its names do, all rows are not searched: they are no answer.
+    Where functions of the angle alone are left beside a first look, more orders of it are tried.
     """
     whole, context, base, first = look.whole, look.part, look.base, look.noise
     few = whole.thinned(1)

@@ -247,8 +247,11 @@ def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
     return {f"{e.name}.{e.terms[k].name}": 0.0 for e in effects for k in unseen(e, span)}
 
 
-def _low(facts: Mapping[str, Any], more: bool) -> list[tuple[int, Pair]]:
-    """Low orders of every pair whose angle is another than those before; `more` of the output."""
+def _low(facts: Mapping[str, Any], seen: bool) -> list[tuple[int, Pair]]:
+    """Low orders of every pair whose angle is another than those before.
+
+    `seen`: whether low ones of the output may be there; then more of these.
+    """
     kept: list[Pair] = []
     for pair in pairs(facts):
         if pair.motor and pair.turns != pair.turns:
@@ -256,7 +259,7 @@ def _low(facts: Mapping[str, Any], more: bool) -> list[tuple[int, Pair]]:
         if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
             kept.append(pair)
     some, many = SETTINGS.tried, SETTINGS.functions
-    most = {pair.name: many if more and not pair.motor else some for pair in kept}
+    most = {pair.name: many if seen and not pair.motor else some for pair in kept}
     return [(order, pair) for pair in kept for order in range(1, most[pair.name] + 1)]
 
 
@@ -362,7 +365,7 @@ def candidates_for(
     Parameters
     ----------
     effects : those that the logs could show; those in the model already are left out.
-    pools : orders that may be there, by ripple effect.
+    orders_of : orders that may be there, by ripple effect.
     """
     names, made = {e.name for e in model}, []
     for effect in effects:

@@ -9,7 +9,7 @@ fails one of them is withdrawn:
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
-Of a ripple each order has to be significant there, or the name goes on without it.
+An order of a ripple that is not significant there goes, and the name goes on without it.
 
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
 the error of a coefficient large that the runs tell from zero well [Davies1987]. So the test holds
@@ -51,8 +51,7 @@ from flexspline.effects import Effect
 from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, wald
-from flexspline.least_squares.ripple import PAIRS, ripple_orders
-from flexspline.logs.checks.dependence import Dependence
+from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.regression.candidate_model import CandidateModel, HeldOut, fall_of, rmse_of
 
 __all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance",
@@ -174,7 +173,7 @@ def confirmed(
         shown = {one.effect.name: one for one in _all_shown(made, fit)}
         name, why = _weakest(made, fit, [*shown.values()], base)
         if not name and (lean := _without_idle_order(made, fit)):
-            made = lean
+            made = _answering(lean)
             continue
         if not name:
             rivals = _rivals(made)
@@ -245,10 +244,18 @@ def _weakest(
 
 
 def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
-    """The analysis less the smallest of several orders of a name that are not significant."""
+    """The analysis less the smallest of several orders of a name that are not significant.
+
+    Neither as printed nor with the effect's shapes held; None where none of those that are known.
+    """
     several = {e.name: e for e in made.final.named if len(e.harmonics) > 1}
+
+    def shown(order: RippleOrder) -> bool:
+        held = wald(fit, order.effect, held=True, terms=order.names)
+        return order.significant or bool(chi2.sf(*held) < SETTINGS.alpha)
+
     orders = ripple_orders(fit) if several else []
-    idle = [order for order in orders if order.effect in several and not order.significant]
+    idle = [order for order in orders if order.effect in several and not shown(order)]
     if not idle:
         return None
     least = min(idle, key=lambda order: order.amplitude)
@@ -349,8 +356,7 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     """What else may be in the place of each name, and the channels that tie it to the name."""
     found = {}
     for effect in made.final.named:
-        rivals = rivals_of(made.searcher, made.final, effect)
-        found[effect.name] = [_with_tie(rival, effect, made.tied) for rival in rivals]
+        found[effect.name] = rivals_of(made.searcher, made.final, effect, made.tied)
     return found
 
 
@@ -372,14 +378,6 @@ def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
     return [name for number, name in enumerate(rivals)
             if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
-
-
-def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
-    """The rival with the channel that ties it to the effect; what remembers is tied by none."""
-    alike = rival.effect.info.remembers == effect.info.remembers
-    reads = effect.info.reads, rival.effect.info.reads
-    own = (one.said for one in tied if alike and one.swapped(*reads))
-    return replace(rival, tied=next(own, ()))
 
 
 def _too_small(shown: Sequence[Shown]) -> list[Shown]:

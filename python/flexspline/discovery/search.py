@@ -43,6 +43,7 @@ from flexspline.discovery.evidence import (
 )
 from flexspline.discovery.physics import (
     LOOPS,
+    WIDTH,
     driving_spring,
     falling_power,
     impossible,
@@ -368,8 +369,8 @@ class Searcher:
                 both, rest = (ripple.name, out), self.less(work, out)
                 if beside is None or len(rest.effects) + 1 < len(work.effects):
                     continue
-                model, plain = dictionary.without(both), out != GRAVITY
-                for offer in offers(beside, model, plain=plain, only=ripple.name):
+                made = offers(beside, dictionary.without(both), plain=True, only=ripple.name)
+                for offer in made:
                     each = offer.threshold / len(offer.effect.harmonics)  # of orders, old or new
                     cost = each * len(ripple.harmonics) + cost_of(dictionary, work, out)
                     if offer.net <= dictionary.gain(*both) - cost:
@@ -496,7 +497,7 @@ class Searcher:
         """What the forms of names may miss, χ²; 0 if an effect is clear beside freed forms.
 
         ∞ where what bends friction over the speed is no more than how friction turns over at rest,
-        as the model says it does: not where a shape of that stands at a bound.
+        as the model says it does: not where its width stands at a bound.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
@@ -506,7 +507,8 @@ class Searcher:
         problem = self.context.thinned().problem
         least = threshold(len(effect.terms), 1.0, len(dictionary.candidates))
         rest = [e for e in work.effects if e.name != effect.name]
-        asked = {*effect.reads} == {SPEED} and not work.bound  # there a model is poor, not wide
+        poor = any(work.searched[k].name == WIDTH for k in work.bound)  # a better one is no wider
+        asked = {*effect.reads} == {SPEED} and not poor
         turning = turning_over(problem, rest) if asked else None
         more = rows_of(self.context.problem) / rows_of(problem)
         alike = [e for e in rivals if {*e.reads} == {SPEED}]
@@ -610,8 +612,8 @@ class Searcher:
     def _at_few_places(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
-        Many orders follow a bump. Counted until the orders explain most of what all of them do; of
-        a small ripple these runs do not tell.
+        Many orders follow a bump. Counted until the orders explain most of what all of them do, and
+        more by what chance may give the best place; of a small ripple these runs do not tell.
         """
         if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
@@ -622,11 +624,11 @@ class Searcher:
         own = len(rest.owners()) + np.arange(len(effect.terms))
         left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
-        places = greedy(left, raw, np.arange(own[-1] + 1, len(table.total) - 1)[:, None])
-        gain, least = gain_of(left, own, raw)[0], threshold(1, 1.0, len(left) - own[-1])
-        if gain < (0.5 * SETTINGS.certain) ** 2:
+        at = np.arange(own[-1] + 1, len(table.total) - 1)
+        gain, least = gain_of(left, own, raw)[0], threshold(1, 1.0, len(at))
+        if gain < SETTINGS.doubtful:
             return False
-        pairs = zip(orders, places, strict=False)
+        pairs = zip(orders, greedy(left, raw, at[:, None]), strict=False)
         return next((b > a + least for a, b in pairs if a >= SETTINGS.most * gain), False)
 
 

@@ -38,8 +38,9 @@ class Settings:
     names : that one search takes at most.
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
-    functions : of one channel; orders that a scan has found and are tried, and orders of the output
-        beside them. Of 60 robot cases half loses one and names a wrong one, twice changes none.
+    functions : of one channel; orders that a scan has found and are tried, and, where low ones of
+        the output may be there, the highest of these. Of 60 robot cases half loses one and names a
+        wrong one, twice changes none.
     lines : orders of the motor's angle that are looked at one by one.
     rows : on which names are looked for first, and functions of a flexible basis looked at; powers
         alone on `rows / little`.
@@ -63,6 +64,11 @@ class Settings:
     functions: int = 20
     lines: int = 48
     rows: int = 10_000
+
+    @property
+    def doubtful(self) -> float:
+        """χ² of half of `certain`: what explains less may be of another form or effect."""
+        return (0.5 * self.certain) ** 2
 
 
 SETTINGS = Settings()

@@ -5,7 +5,7 @@ Effects that are indistinguishable contribute only as their sum.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, overload
@@ -505,21 +505,23 @@ def shares(fit: Fit) -> dict[str, float]:
     return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
 
 
-def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
+def wald(
+    fit: Fit, name: str, *, held: bool = False, terms: Collection[str] | None = None
+) -> tuple[float, int]:
     """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
 
     ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
-    shapes where they are.
+    shapes where they are. `terms`: names of some of its coefficients, for these alone.
     """
     known = fit.part.record["covariance"]["names"]
-    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
+    every = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
     values = {p.name: p.value for p in fit.parameters}
-    at = [k for k, own in enumerate(known) if own in terms]
+    at = [k for k, own in enumerate(known) if own in every and (terms is None or own in terms)]
     if not at:
         return 0.0, 1
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
-    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
+    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and n not in every]
     if held and own:
         across = fit.covariance[np.ix_(own, at)]
         shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)

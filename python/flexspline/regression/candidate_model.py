@@ -164,7 +164,10 @@ class CandidateModel:
         """Return a model of other effects that keeps the coefficients of those in both."""
         old = dict(zip(coefficient_names(self.effects), self.coefficients, strict=True))
         lost = {e.name for e in self.effects} - {e.name for e in effects}
-        fixed = {n: v for n, v in self.fixed.items() if n.split(".")[0] not in lost}
+        gone = {*old} - {*coefficient_names(effects)}
+        fixed = {
+            n: v for n, v in self.fixed.items() if n.split(".")[0] not in lost and n not in gone
+        }
         made = candidate_model_of(effects, self.base, fixed)
         values = [old.get(n, v) for n, v in zip(_names(effects), made.coefficients, strict=True)]
         kept = np.where(made.held, made.coefficients, values)

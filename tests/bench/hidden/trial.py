@@ -212,7 +212,11 @@ def _told(fit: Fit, name: str) -> bool:
            and p.name in known]  # fmt: skip
     at = [known.index(p.name) for p in own]
     values, spread = np.array([p.value for p in own]), fit.covariance[np.ix_(at, at)]
-    square = float(values @ np.linalg.pinv(spread, hermitian=True) @ values)
+    errors = np.sqrt(np.diag(spread))
+    if not errors.all():  # known exactly
+        return bool(np.any(values[errors == 0.0] != 0.0))
+    t = values / errors
+    square = float(t @ np.linalg.pinv(spread / np.outer(errors, errors), hermitian=True) @ t)
     return bool(own) and float(chi2.sf(square, len(own))) < 2.0 * float(norm.sf(2.0))
 
 
