@@ -419,7 +419,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
 
     Of long logs a part is searched first, then all rows from there. Where the part leaves no doubt
     that functions explain more than its names do, all rows are not searched: they are no answer.
-    Where functions of the angle alone are left beside a first look, more orders of it are tried.
+    Where functions of the angle are what is left beside a first look, more orders of it are tried.
     """
     whole, context, base, first = look.whole, look.part, look.base, look.noise
     few = whole.thinned(1)
@@ -429,8 +429,9 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     lax, _ = Searcher(context, first, True).fitted(lax)
     context.scan(lax)
     say("functions of the channels")
-    beside = leftover_of(ExplainableBound(whole.problem, first), lax).groups
-    if any(group.channels == ("output_position",) for group in beside):
+    left = leftover_of(ExplainableBound(whole.problem, first), lax)
+    beside, certain = left.groups, left.net > SETTINGS.certain**2
+    if certain and left.channels == ["output_position"]:
         context.orders = replace(context.orders, low=True)
     whitening = restricted_whitening(context.problem, lax, Functions(beside) if beside else None)
     few.orders = context.orders
