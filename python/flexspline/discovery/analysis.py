@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.basis import Functions, channel_told, flexible_basis
 from flexspline.discovery.candidates import Candidate
 from flexspline.discovery.evidence import Dictionary, Offer, dictionary_of, offers, threshold
-from flexspline.discovery.search import SearchContext, Searcher, form_of, freedom
+from flexspline.discovery.search import FEW_PLACES, SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect, Harmonic
@@ -156,21 +156,22 @@ def rivals_of(
     made = [*_offered(dictionary, effect), *_more_orders(searcher, work, effect)]
     found = []
     for rank, (kept, more, offer) in enumerate(sorted(made, key=lambda one: one[0])):
-        close = rank < SETTINGS.tried and kept < near and offer.gain >= EXPLAINS * own
+        gain, trial = offer.gain, None
+        if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
+            kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
         rival = Rival(
-            offer.effect, offer.gain, own,
+            offer.effect, gain, own,
             left=float(np.sqrt(max(kept - len(effect.terms), 0.0))),
             adds=float(np.sqrt(max(more - len(offer.columns), 0.0))),
             form=form, moved=moved, tied=_tie(offer.effect, effect, tied),
             more=offer.effect.name in [e.name for e in work.effects],
         )  # fmt: skip
-        if close or rival.alias:
-            kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
-            if not rival.more and searcher.forbidden(trial, rival.name):
-                continue
-            left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-            rival = replace(rival, gain=gain, left=left)
-        found.append(rival)
+        allowed = [""]
+        if trial is None and rival.alias:
+            trial, _ = searcher.fitted(_with(work.without(effect.name), offer.effect))
+            allowed.append(FEW_PLACES)  # it is no ripple, but something that may be there
+        if trial is None or rival.more or searcher.forbidden(trial, rival.name) in allowed:
+            found.append(rival)
     return sorted(found, key=lambda rival: -rival.gain)
 
 

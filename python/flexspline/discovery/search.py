@@ -73,6 +73,7 @@ from flexspline.regression.gram import (
 from flexspline.signals import require_one_unit
 
 __all__ = [
+    "FEW_PLACES",
     "SearchContext",
     "Searcher",
     "cost_of",
