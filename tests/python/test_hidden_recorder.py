@@ -320,9 +320,9 @@ def test_the_table_of_a_class_has_its_bars_and_counts_what_was_not_dealt() -> No
              "closed": 0.95, "seconds": 2.0}  # fmt: skip
     right = Outcome(ROBOT, names=("gravity",), aliases=((),), confidences=(0.9,),
                     means=("gravity",), right=True, rmse=((2.0, 1.0),), told=(True,),
-                    alone=(True,), unseen=((2.0, 1.0, 9.0),), **plain)  # fmt: skip
+                    together=(True,), unseen=((2.0, 1.0, 9.0),), **plain)  # fmt: skip
     wrong = replace(right, names=("cogging",), means=("",), right=False, wrong=True, told=(False,),
-                    alone=(False,))  # fmt: skip
+                    together=(False,))  # fmt: skip
     undealt = replace(right, undealt={"gravity": 40.0}, right=False)
     said = {s.what: s for s in class_shares([right, wrong, undealt])}
     assert (said["right set of names, t = 50"].hits, said["right set of names, t = 50"].of) == (
@@ -332,8 +332,8 @@ def test_the_table_of_a_class_has_its_bars_and_counts_what_was_not_dealt() -> No
     assert said["right set of names, t = 50"].bar == CLASS_BARS["robot"][50.0]
     assert said["no wrong name or fault, all cases"].hits == 1
     assert said["names that lower the error and are told from zero"].hits == 1
-    alone = said["  by one coefficient alone"]
-    assert (alone.hits, alone.of) == (1, 2)
+    together = said["  by its coefficients together"]
+    assert (together.hits, together.of) == (1, 2)
     table = text([right, wrong, undealt])
     assert "gravity, t = 50: 1" in table and "above 0.8 of the largest: 1 cases" in table
     assert Outcome.from_json(undealt.to_json()) == undealt

@@ -1,8 +1,9 @@
 """The table of a recorded class: shares with their intervals and bars, and what is kept of a name.
 
 a name lowers the error     on three runs that nobody fitted (`laws.py`)
-a name is told from zero    its coefficients together, in the final fit, as surely as two standard
-                            errors; `alone`: one of them by itself
+a name is told from zero    a coefficient of it is two standard errors from zero in the final fit;
+                            `together`: its coefficients are as surely not all zero, which
+                            `discover` itself asks of each name
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def _laws(dealt: list[Outcome]) -> list[Share]:
     lower = [after < before for o in dealt for before, after, _ in o.unseen]
     clear = [errors > CLEAR for o in dealt for _, _, errors in o.unseen if o.case.size >= SEEN]
     told = [one for o in dealt for one in o.told]
-    alone = [one for o in dealt for one in o.alone]
+    together = [one for o in dealt for one in o.together]
     both = [one and after < before for o in dealt
             for one, (before, after, _) in zip(o.told, o.unseen, strict=True)]  # fmt: skip
     return [
@@ -88,7 +89,7 @@ def _laws(dealt: list[Outcome]) -> list[Share]:
         share("  by more than two standard errors, t ≥ 16", clear),
         share("  the error that discover reports", (a < b for o in dealt for b, a in o.rmse)),
         share("names that are told from zero in the final fit", told),
-        share("  by one coefficient alone", alone),
+        share("  by its coefficients together", together),
         share("names that lower the error and are told from zero", both, 1.0 - LAWS),
     ]
 

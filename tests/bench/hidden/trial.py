@@ -53,9 +53,9 @@ class Outcome:
     (nothing is tried then); `wrong`, whether any name or fault is; `also_seen`; `small`, what was
     there besides; `rmse` of each name, before and after it as `discover` reports them; `unseen`,
     the same on runs that nobody saw, with the difference of squares in its standard errors
-    (`laws.py`); `told`, whether the coefficients of the name are together as surely not zero as two
-    standard errors, and `alone`, whether one of them is by itself; `error`, what `discover` or its
-    model raised.
+    (`laws.py`); `told`, whether a coefficient of the name is more than two standard errors from
+    zero, and `together`, whether all of them are as surely not zero; `error`, what `discover` or
+    its model raised.
     """
 
     case: Case
@@ -77,7 +77,7 @@ class Outcome:
     rmse: tuple[tuple[float, float], ...] = ()
     unseen: tuple[tuple[float, float, float], ...] = ()
     told: tuple[bool, ...] = ()
-    alone: tuple[bool, ...] = ()
+    together: tuple[bool, ...] = ()
     error: str = ""
 
     def to_json(self) -> dict[str, Any]:
@@ -89,7 +89,7 @@ class Outcome:
         """Return the outcome that `to_json` wrote."""
         own = {name: value for name, value in plain.items() if name != "key"}
         lists = {"names", "aliases", "confidences", "means", "faults", "also_seen",
-                 "small", "rmse", "unseen", "told", "alone"}  # fmt: skip
+                 "small", "rmse", "unseen", "told", "together"}  # fmt: skip
         values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
         values["case"] = plain_case(own["case"])
         return cls(**values)
@@ -197,12 +197,12 @@ def outcome_recorded(case: Case, made: Made, found: Discovery, seconds: float) -
         small=made.small,
         rmse=tuple((one.rmse_before, one.rmse_after) for one in found.found),
         unseen=unseen_errors(made, found),
-        told=tuple(_told(found.fit, name) for name in found.names),
-        alone=tuple(_alone(found, name) for name in found.names),
+        told=tuple(_told(found, name) for name in found.names),
+        together=tuple(_together(found.fit, name) for name in found.names),
     )
 
 
-def _told(fit: Fit, name: str) -> bool:
+def _together(fit: Fit, name: str) -> bool:
     """Whether the coefficients of an effect are not all zero, as surely as two standard errors.
 
     Wald's test of the covariance that is printed, the effect's shapes free.
@@ -220,8 +220,8 @@ def _told(fit: Fit, name: str) -> bool:
     return bool(own) and float(chi2.sf(square, len(own))) < 2.0 * float(norm.sf(2.0))
 
 
-def _alone(found: Discovery, name: str) -> bool:
-    """Whether a coefficient of an effect is more than two standard errors from zero by itself."""
+def _told(found: Discovery, name: str) -> bool:
+    """Whether a coefficient of an effect is more than two standard errors from zero."""
     own = [p for p in found.parameters(name) if p.kind == "coefficient"]
     return bool(any(abs(p.value) > 2.0 * p.standard_error for p in own))
 
