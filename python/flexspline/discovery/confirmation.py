@@ -246,7 +246,7 @@ def _weakest(
 def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
     """The analysis less the smallest of several orders of a name that are not significant.
 
-    Neither as printed nor with the effect's shapes held; None where none of those that are known.
+    That is neither as printed nor with the effect's shapes held. None where there is no such order.
     """
     several = {e.name: e for e in made.final.named if len(e.harmonics) > 1}
 
@@ -354,10 +354,8 @@ def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
 
 def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     """What else may be in the place of each name, and the channels that tie it to the name."""
-    found = {}
-    for effect in made.final.named:
-        found[effect.name] = rivals_of(made.searcher, made.final, effect, made.tied)
-    return found
+    searcher, final = made.searcher, made.final
+    return {e.name: rivals_of(searcher, final, e, made.tied) for e in final.named}
 
 
 def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
