@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
@@ -266,8 +267,12 @@ def _powers(
     scaled = [_scaled(sample, name) for name in names]
 
     def columns(values: Values) -> Array:
-        parts = np.column_stack([one(values) for one in scaled])
-        return np.column_stack([np.prod(parts**powers, axis=1) for powers in exponents])
+        parts = [one(values)[:, 0] for one in scaled]
+        made = np.empty((len(parts[0]), len(exponents)), order="F")
+        for column, powers in zip(made.T, exponents, strict=True):
+            both = zip(parts, powers, strict=True)
+            column[:] = reduce(np.multiply, [part for part, power in both for _ in range(power)])
+        return made
 
     return BasisFunctions(names, columns, len(exponents), plain=True)
 

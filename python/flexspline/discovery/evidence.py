@@ -322,7 +322,7 @@ def _orders(
             trials = trials[parted]
         if not rest:
             break
-        best = int(_more(left, columns, trials[:, len(columns) :], raw).argmax())
+        best = int(_more(left, columns[None], trials[:, len(columns) :], raw).argmax())
         atom, both = rest[best], trials[best]
         reached, _ = gain_of(left, both, raw)
         if chosen and reached - gain < max(each, SETTINGS.form * reached):
@@ -350,9 +350,8 @@ def _exchanged(
             break
         own = np.array([dictionary.at[atom] for atom in chosen])
         others = np.array([dictionary.at[atom] for atom in rest])
-        kept = [np.delete(own, place, axis=0).ravel() for place in range(len(own))]
-        gains = np.array([gain_of(left, those, raw)[0] + _more(left, those, others, raw)
-                          for those in kept])  # fmt: skip
+        kept = np.array([np.delete(own, place, axis=0).ravel() for place in range(len(own))])
+        gains = gains_of(left, kept, raw)[0][:, None] + _more(left, kept, others, raw)
         better = np.argwhere(gains > gain * (1.0 + SINGULAR))
         better = better[np.argsort(-gains[tuple(better.T)], kind="stable")]
         for place, news in better:
@@ -367,12 +366,14 @@ def _exchanged(
     return columns, gain
 
 
-def _more(left: Array, kept: Columns, groups: NDArray[np.intp], raw: Array) -> Array:
-    """What each of some groups of columns (n, k) explains beside columns that are kept, (n,)."""
-    asked = np.concatenate([kept, groups.ravel(), [len(left) - 1]]).astype(np.intp)
-    beside = left_by(left[np.ix_(asked, asked)], np.arange(len(kept)))
-    places = len(kept) + np.arange(groups.size).reshape(groups.shape)
-    return gains_of(beside, places, raw[asked])[0]
+def _more(left: Array, kept: NDArray[np.intp], groups: NDArray[np.intp], raw: Array) -> Array:
+    """What groups of columns (n, k) explain beside each of several sets (m, c): (m, n)."""
+    count = kept.shape[1]
+    behind = np.broadcast_to([*groups.ravel(), len(left) - 1], (len(kept), groups.size + 1))
+    asked = np.column_stack([kept, behind])
+    beside = left_by(left[asked[:, :, None], asked[:, None, :]], np.arange(count))
+    places = count + np.arange(groups.size).reshape(groups.shape)
+    return gains_of(beside, places, raw[asked[0]])[0]
 
 
 def _parted(left: Array, groups: NDArray[np.intp], raw: Array) -> NDArray[np.bool_]:

@@ -476,10 +476,13 @@ def solved(products: Array, model: Columns, base: int | None = None) -> Array:
 
 
 def left_by(products: Array, model: Columns) -> Array:
-    """The Schur complement: products of all columns after `model` is taken out."""
+    """The Schur complement: products of all columns after `model` is taken out.
+
+    Of several tables (…, C, C), the same columns of each.
+    """
     inverse, scale, _ = _inverse(products, model)
-    across = products[model] / scale[:, None]
-    return np.asarray(products - across.T @ inverse @ across)
+    across = products[..., model, :] / scale[..., None]
+    return np.asarray(products - np.swapaxes(across, -1, -2) @ inverse @ across)
 
 
 def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
@@ -489,31 +492,35 @@ def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
 
 
 def gains_of(left: Array, groups: NDArray[np.intp], raw: Array) -> tuple[Array, NDArray[np.intp]]:
-    """The same for each of several groups of columns (n, k): (n,) and (n,)."""
+    """The same for each of several groups of columns (n, k), and of several tables: (…, n)."""
     products, scale = scaled_products(left, groups, raw)
     values, vectors = np.linalg.eigh(products)
-    most = values.max(axis=1, initial=0.0)[:, None]
+    most = values.max(axis=-1, initial=0.0)[..., None]
     seen = values > np.maximum(SLIVER, SINGULAR * most)
-    along = np.einsum("nkj,nk->nj", vectors, left[groups, -1] / scale)
-    gains = np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0).sum(axis=1)
-    return gains, seen.sum(axis=1)
+    along = np.einsum("...kj,...k->...j", vectors, left[..., groups, -1] / scale)
+    gains = np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0).sum(axis=-1)
+    return gains, seen.sum(axis=-1)
 
 
 def scaled_products(left: Array, groups: NDArray[np.intp], raw: Array) -> tuple[Array, Array]:
-    """Products (n, k, k) of groups of columns (n, k) in the lengths that they had, (n, k)."""
+    """Products (…, n, k, k) of groups of columns (n, k) in the lengths that they had, (n, k)."""
     scale = np.sqrt(np.maximum(raw[groups], TINY))
-    across = left[groups[:, :, None], groups[:, None, :]]
+    across = left[..., groups[:, :, None], groups[:, None, :]]
     return across / (scale[:, :, None] * scale[:, None, :]), scale
 
 
 def _inverse(products: Array, model: Columns) -> tuple[Array, Array, Array]:
-    """Pseudo-inverse (m, m) of the columns' products scaled to length one, the lengths, and the
-    directions (m, n) that the rows do not tell."""
-    scale = np.sqrt(np.maximum(products[model, model], 0.0))
+    """Pseudo-inverse (…, m, m) of the columns' products scaled to length one, the lengths, and of
+    one table the directions (m, n) that the rows do not tell."""
+    scale = np.sqrt(np.maximum(products[..., model, model], 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(products[np.ix_(model, model)] / np.outer(scale, scale))
-    seen = values > SINGULAR * max(float(values.max(initial=0.0)), TINY)
-    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale, vectors[:, ~seen]
+    own = products[..., model[:, None], model]
+    values, vectors = np.linalg.eigh(own / (scale[..., :, None] * scale[..., None, :]))
+    most = values.max(axis=-1, initial=0.0)[..., None]
+    seen = values > SINGULAR * np.maximum(most, TINY)
+    weighed = vectors * np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)[..., None, :]
+    blind = vectors[:, ~seen] if products.ndim == 2 else vectors[..., :0]
+    return weighed @ np.swapaxes(vectors, -1, -2), scale, blind
 
 
 def left_of(
