@@ -20,6 +20,7 @@ __all__ = [
     "blocks_text",
     "decimals_for",
     "documented",
+    "lowered",
     "padded",
     "percent",
     "plus_minus",
@@ -86,6 +87,12 @@ def told_apart(values: Sequence[float], digits: int = 3) -> list[str]:
 def padded(value: float, digits: int = 3) -> str:
     """Return a value to so many digits, zeros at its end too: 0.0160 as well as 0.0848."""
     return f"{value:#.{digits}g}".removesuffix(".") if math.isfinite(value) else "–"
+
+
+def lowered(before: float, after: float) -> tuple[str, str]:
+    """Return an error and what it falls to, `padded` to as many digits as tell them apart."""
+    told = [(padded(before, digits), padded(after, digits)) for digits in range(3, 7)]
+    return next((both for both in told if len({*both}) > 1), told[0])
 
 
 def percent(share: float) -> str:

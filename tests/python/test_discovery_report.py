@@ -30,7 +30,7 @@ from flexspline.discovery.result import (
 )
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook, plan_sentence
-from flexspline.formatting import percent
+from flexspline.formatting import lowered, percent
 from flexspline.least_squares.identifiability import Combination, Confounded
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
@@ -40,6 +40,7 @@ from flexspline.report.discovery import (
     channel_rows,
     discovery_call,
     effect_lines,
+    headlines,
     remarks,
     verdict,
     where_sentences,
@@ -442,6 +443,14 @@ def test_a_headline_is_no_surer_than_its_names(confidences: tuple[float, ...], t
     )
     said = verdict(replace(found(), found=several))
     assert f"The model of the sensor torque {told} " in said
+
+
+def test_an_error_that_falls_by_little_is_never_told_as_two_equal_numbers() -> None:
+    little = replace(found(), base_rmse=1.9213, final_rmse=1.9187)
+    assert "RMSE 1.921 to 1.919 Nm" in " ".join(str(little).split())
+    assert ("extended model, RMSE held out", "1.919 Nm") in headlines(little)
+    assert lowered(0.42, 0.016) == ("0.420", "0.0160") and lowered(2.0, 2.0) == ("2.00", "2.00")
+    assert lowered(1.0, 1.0 - 1e-9) == ("1.00", "1.00")  # that no law of a name lets pass
 
 
 def test_a_headline_names_what_explains_the_runs_as_well() -> None:

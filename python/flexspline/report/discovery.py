@@ -16,7 +16,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
-from flexspline.formatting import decimals_for, padded, percent, plus_minus, short
+from flexspline.formatting import decimals_for, lowered, padded, percent, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import (
     bandwidth_given,
@@ -144,8 +144,7 @@ def _common(made: Discovery) -> dict[str, Any]:
             {
                 "one": one,
                 "confidence": f"{100.0 * one.confidence:.0f} %",
-                "before": padded(one.rmse_before),
-                "after": padded(one.rmse_after),
+                "errors": lowered(one.rmse_before, one.rmse_after),
                 "lines": effect_lines(made, one),
                 "rivals": best_rivals(made, one),
             }
@@ -190,7 +189,7 @@ def verdict(made: Discovery) -> str:
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
     said = base[0].lower() + base[1:]
     where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
-    rmse = f"{padded(made.base_rmse)} to {padded(made.final_rmse)} {made.unit}"
+    rmse = f"{' to '.join(lowered(made.base_rmse, made.final_rmse))} {made.unit}"
     if made.found:
         return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}."
     little = _unexplained_is_small(made)
@@ -361,7 +360,7 @@ def directions_sentence(made: Discovery) -> str:
 def also_seen_sentences(made: Discovery) -> list[str]:
     """Return a sentence for each effect that is real but too small to matter."""
     return [
-        f"{one.effect}: {padded(one.rmse_before)} to {padded(one.rmse_after)} {made.unit} held "
+        f"{one.effect}: {' to '.join(lowered(one.rmse_before, one.rmse_after))} {made.unit} held "
         f"out, {_share(one.share_of_gap)} of what closes (t = {one.t:.1f})"
         for one in made.also_seen
     ]
@@ -525,9 +524,10 @@ def searched_sentence(made: Discovery) -> str:
 def headlines(made: Discovery) -> list[tuple[str, str]]:
     """Return the numbers that say how the gap shrank: what, and its value with the unit."""
     unit = made.unit
-    rows = [("base model, RMSE held out", f"{padded(made.base_rmse)} {unit}")]
+    base, final = lowered(made.base_rmse, made.final_rmse)
+    rows = [("base model, RMSE held out", f"{base} {unit}")]
     if made.found:
-        rows.append(("extended model, RMSE held out", f"{padded(made.final_rmse)} {unit}"))
+        rows.append(("extended model, RMSE held out", f"{final} {unit}"))
     by, floor = made.floor.by, f"{padded(made.noise_floor)} {unit}"
     if by == BY_ENCODER:
         rows.append(("noise floor: what the encoder resolves", floor))
@@ -614,7 +614,7 @@ def _channel(motion: Motion) -> str:
 def _motion(made: Discovery) -> str:
     """The error of a forward simulation, before and after where something was found."""
     assert made.motion is not None
-    base, final = padded(made.motion.base_rmse), padded(made.motion.final_rmse)
+    base, final = lowered(made.motion.base_rmse, made.motion.final_rmse)
     return f"{base} to {final} {made.motion.unit}" if made.found else f"{base} {made.motion.unit}"
 
 

@@ -17,6 +17,7 @@ from flexspline.errors import listed
 from flexspline.fleet.accumulators import DIFFERENCES
 from flexspline.formatting import (
     blocks_text,
+    lowered,
     padded,
     percent,
     plus_minus,
@@ -473,15 +474,15 @@ def _write_discovered(made: FleetDiscovery, unit: UnitDiscovery, path: Path) -> 
     found = listed(f"{name} ({sure:.0%})".replace("%", " %") for name, sure in unit.found.items())
     verdict = [
         f"{unit.name} lacks {found}." if unit.found else f"{unit.name} lacks nothing by name.",
-        f"Held-out RMSE {padded(base)} to {padded(final)} {made.unit}, noise floor "
+        f"Held-out RMSE {' to '.join(lowered(base, final))} {made.unit}, noise floor "
         f"{padded(floor)} {made.unit}; {len(unit.runs)} runs.",
     ]
     rows: list[Row] = [("effect", "where", "confidence", f"RMSE before [{made.unit}]", "after",
                         "explains as well", "evidence")]  # fmt: skip
     for one in unit.content["found"]:
         rows.append(
-            (one["effect"], one["where"], f"{one['confidence']:.2f}", padded(one["rmse_before"]),
-             padded(one["rmse_after"]), listed(one["indistinguishable_from"])
+            (one["effect"], one["where"], f"{one['confidence']:.2f}",
+             *lowered(one["rmse_before"], one["rmse_after"]), listed(one["indistinguishable_from"])
              if one["indistinguishable_from"] else "–", one["evidence"])
         )  # fmt: skip
     values: list[Row] = [("parameter", "unit", "value")]
@@ -532,7 +533,7 @@ def _discovered(made: FleetDiscovery) -> list[str]:
     unit = made.unit
     return [
         *said,
-        f"Held-out RMSE {padded(base)} to {padded(final)} {unit}, noise floor {padded(floor)} "
+        f"Held-out RMSE {' to '.join(lowered(base, final))} {unit}, noise floor {padded(floor)} "
         f"{unit}, RMS over joints.",
     ]
 
