@@ -270,8 +270,8 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the context of the rows on which orders and noise are looked at; all, where they are
-    few. `rejected`: names that were spurious, as the flexible basis tells. `generalised`: whether
-    the model is fitted by generalised least squares.
+    few. `bound`: what functions of the channels explain. `rejected`: names that were spurious, as
+    these tell. `generalised`: whether the model is fitted by generalised least squares.
     """
 
     context: SearchContext
@@ -279,6 +279,7 @@ class Analysis:
     base: CandidateModel
     final: CandidateModel
     searcher: Searcher
+    bound: ExplainableBound
     steps: tuple[Offer, ...]
     leftover: Leftover
     rejected: tuple[str, ...]
@@ -296,8 +297,7 @@ class Analysis:
     def of(self, work: CandidateModel) -> Analysis:
         """Return the analysis with another final model: that refitted, what is left anew."""
         final, _ = self.searcher.fitted(work)
-        leftover = leftover_of(ExplainableBound(self.context.problem, self.whitening), final)
-        return replace(self, final=final, leftover=leftover)
+        return replace(self, final=final, leftover=leftover_of(self.bound, final))
 
     def with_orders(self, effect: Effect, orders: Sequence[Harmonic]) -> Analysis:
         """Return the analysis with a named ripple of these orders alone."""
@@ -314,10 +314,10 @@ class Analysis:
         searcher = replace(self.searcher, context=context)
         base, _ = searcher.fitted(self.base.without(plain))
         final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
-        leftover = leftover_of(ExplainableBound(context.problem, self.whitening), final)
+        bound = ExplainableBound(context.problem, self.whitening)
         return replace(
             self, context=context, part=part, base=base, final=final, searcher=searcher,
-            leftover=leftover,
+            bound=bound, leftover=leftover_of(bound, final),
         )  # fmt: skip
 
     @property
@@ -468,7 +468,9 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
             rejected.append(effect.name)
             final = _less(searcher, final, effect.name)
             leftover = leftover_of(bound, final)
-    return Analysis(whole, context, base, final, searcher, tuple(steps), leftover, tuple(rejected))
+    return Analysis(
+        whole, context, base, final, searcher, bound, tuple(steps), leftover, tuple(rejected)
+    )
 
 
 def unexplained_by(
