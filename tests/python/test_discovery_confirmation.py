@@ -245,6 +245,7 @@ def confirmed(
     told: Callable[[Any], list[float]] | None = None,
     beside: float = 0.5,
     unsettled: Sequence[str] = (),
+    alone: Mapping[str, dict[str, float]] | None = None,
     **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
@@ -252,12 +253,13 @@ def confirmed(
     `chance`: which of that lowers the held-out error by no more than chance. `steps`: held-out
     errors of the base and with one name more each, by the search; `told`: by fits, if others.
     `sure`: confidence in names; 1 in others. `beside`: held-out error of a small one beside all.
-    `unsettled`: names with which no fit settles.
+    `unsettled`: names with which no fit settles. `alone`: what names show without any other.
     """
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
         usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "without": 2.0}
-        return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
+        own = {**each, **(alone or {})} if len(made.names) == 1 else each
+        return [Shown(Effect(name), **{**usual, **own[name]}) for name in made.names]
 
     def fit(final: Any) -> Any:
         if any(effect.name in unsettled for effect in final.named):
@@ -386,6 +388,20 @@ def test_no_name_stands_beside_more_that_is_unexplained(
     held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each][:kept]
     assert refused == ({} if kept else dict.fromkeys(each, LESSER))
+
+
+def test_of_names_that_raise_the_error_that_goes_first_without_which_it_is_lowest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One extrapolates wildly and is significant; beside it the other lowers nothing either."""
+    wild = {"p": 1e-128, "t": 23.7, "fall": -0.0985, "error": 0.175, "without": 0.105}
+    beside = {"p": 1e-80, "t": 19.9, "fall": -0.067, "error": 0.086, "without": 0.206}
+    each = {"nonlinear_viscous_friction": beside, "position_dependent_friction": wild}
+    held, refused = confirmed(
+        monkeypatch, each, alone={"nonlinear_viscous_friction": {"t": 19.9, "without": 0.108}}
+    )
+    assert [*held.shown] == ["nonlinear_viscous_friction"]
+    assert refused == {"position_dependent_friction": "does not lower the held-out error"}
 
 
 def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
