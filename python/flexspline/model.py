@@ -573,7 +573,8 @@ def range_warnings(part: Part, log: Log) -> list[str]:
     count = np.count_nonzero(np.any(list(found.values()), axis=0))
     return [
         f"log '{log.name}': {count} of {len(log)} rows lie outside of what the model of "
-        f"{part.target} was fitted to: {listed(named)}; it extrapolates there"
+        f"{part.target} was fitted to, by more than {100.0 * MARGIN:g} % of its range: "
+        f"{listed(named)}; it extrapolates there"
     ]
 
 

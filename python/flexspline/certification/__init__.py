@@ -509,7 +509,7 @@ def _subject(model: Model, log: Log, target: str | None) -> _Subject:
     if model.estimators and target is None:
         plan = plan_of(model)
         said |= dict.fromkeys(derived_on_device(model, log))
-        log = with_derivatives(plan, measurable(with_motor_torque(log), said), None, said)
+        log = with_derivatives(plan, measurable(with_motor_torque(log), said), said)
         stages = {*plan.sensing, *plan.estimating, *(("sensor",) if plan.has_sensor else ())}
         outputs = {name: made for name, made in CHAIN_OUTPUTS.items() if made.estimator in stages}
         for place, (name, unit) in enumerate(adapted_units(model, plan).items()):

@@ -228,8 +228,8 @@ def _weakest(
     What the base was given goes without a reason.
     """
     if failing := [one for one in shown if one.withdrawn]:
-        untold = [one for one in failing if one.withdrawn == NOT_SIGNIFICANT]
-        worst = max(untold, key=lambda one: (one.p, -one.share), default=None)
+        chance = [one for one in failing if one.withdrawn == NOT_SIGNIFICANT]
+        worst = max(chance, key=lambda one: (one.p, -one.share), default=None)
         worst = worst or min(failing, key=lambda one: one.without)
         return worst.effect.name, worst.withdrawn
     if rising := _rising(shown, made.errors):

@@ -37,7 +37,7 @@ from flexspline.estimation.plan import (
     joint_limits,
     made_by,
     plan_of,
-    with_derivatives,
+    with_stage,
 )
 from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
@@ -224,7 +224,7 @@ class Status(IntFlag):
 
 
 MEANING = {
-    Status.EXTRAPOLATED: "voltage or temperature lies outside the range of the calibration",
+    Status.EXTRAPOLATED: "voltage or temperature lies outside the range of calibration or fit",
     Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
     Status.NO_TEMPERATURE: "no temperature",
     Status.NO_SENSOR: "no external torque from the sensor",
@@ -561,8 +561,8 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     _require_increasing(log)
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order
-    log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
-    log = measurable(log, said, plan.preprocessing.get("reading_checks", {}))
+    plan = with_stage(plan, log, bandwidth, said)
+    log = measurable(with_motor_torque(log), said, plan.preprocessing.get("reading_checks", {}))
     columns = _columns(model, plan, log, run_joint(model, plan, log, said))
     _require_something(columns, log, tuple(said))
     return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
@@ -742,7 +742,7 @@ def _say_of_part(model: Model, part: Part | None, log: Log, said: Said) -> None:
     for one in part.preparations:
         said[
             f"the part for {part.target} was found with {one.channel} {one.how}, zero phase; here "
-            "it reads the channel as it is, as the joint does"
+            "it reads what the joint has, with nothing that looks ahead"
         ] = None
     try:
         channels_for(log, part.effects, None)

@@ -64,6 +64,7 @@ __all__ = [
     "readings_of",
     "reads_of",
     "with_derivatives",
+    "with_stage",
 ]
 
 
@@ -416,26 +417,55 @@ def _differentiator(bandwidth: float, channels: set[str]) -> Entries:
     return {"differentiator": {"bandwidth": bandwidth, "makes": "both" if others else first}}
 
 
-def with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
-    """Add a velocity and an acceleration that the chain reads and neither log nor model has.
+def with_stage(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Plan:
+    """Return the chain with a stage that makes what it reads and neither log nor model has.
 
     Raises
     ------
     InputError
-        Where a bandwidth is given for a model that has its own, or does not suit the log's rate.
+        Where a bandwidth is given for a model that has its own.
     """
     own = plan.preprocessing.get("differentiator")
     if own is not None:
         _say_own(own, log, bandwidth, said)
+        return plan
+    missing = _missing(plan, log)
+    if not missing:
+        return plan
+    chosen = _bandwidth(log) if bandwidth is None else bandwidth
+    said[_derived(missing, chosen)] = None
+    stage = _differentiator(chosen, {*missing})
+    return replace(plan, preprocessing={**plan.preprocessing, **stage})
+
+
+def with_derivatives(plan: Plan, log: Log, said: dict[str, None]) -> Log:
+    """Add the same to a log, for a chain that reads it: from the first row on, as if from rest."""
+    own = plan.preprocessing.get("differentiator")
+    if own is not None:
+        _say_own(own, log, None, said)
         return log
-    missing = [name for name in DERIVED if name in reads_of(plan) and name not in log]
-    if not missing or "output_position" not in log or len(log) < 2:
+    missing = _missing(plan, log)
+    if not missing:
         return log
-    chosen = min(BANDWIDTH, log.rate / 4.0) if bandwidth is None else bandwidth
-    made = differentiate_causal(log, bandwidth=chosen)
-    note = f"{listed(missing)}: {lateness(chosen)}"
-    said[f"derived from output_position, as a device would: {note}"] = None
+    made = differentiate_causal(log, bandwidth=_bandwidth(log))
+    note = _derived(missing, _bandwidth(log))
+    said[note] = None
     return log.with_columns({name: made[name] for name in missing}, note=note)
+
+
+def _missing(plan: Plan, log: Log) -> list[str]:
+    """Derivatives that the chain reads, the log lacks and its angle gives."""
+    missing = [name for name in DERIVED if name in reads_of(plan) and name not in log]
+    return missing if "output_position" in log and len(log) > 1 else []
+
+
+def _bandwidth(log: Log) -> float:
+    return min(BANDWIDTH, log.rate / 4.0)
+
+
+def _derived(names: Sequence[str], bandwidth: float) -> str:
+    how = f"{listed(names)}: {lateness(bandwidth)}"
+    return f"derived from output_position, as a device would: {how}"
 
 
 def _say_own(
