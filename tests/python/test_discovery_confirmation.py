@@ -724,6 +724,13 @@ def test_freedom_is_given_to_friction_both_ways_and_to_a_noisy_load_cell() -> No
     assert freedoms_of(logs, whole, "sensor_torque", LOAD) == ()
 
 
+def test_a_lag_is_no_freedom_of_a_current_beside_a_load_of_the_models_own() -> None:
+    """`fit` refuses their sum, which is of Nm and A; so no base is given it."""
+    heavy = [effect("coulomb_friction"), effect("inertia")]
+    assert freedoms_of(runs(2), heavy, "motor_torque", LOAD) == (DIRECTIONS, LAG)
+    assert freedoms_of(runs(2), heavy, "motor_current", LOAD) == (DIRECTIONS,)
+
+
 def test_runs_that_go_one_way_have_no_freedom_of_direction() -> None:
     def one_way(log: Log) -> Log:
         rising = 2.0 * log["time"] + 0.1 * np.sin(log["time"])

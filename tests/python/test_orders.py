@@ -129,6 +129,21 @@ def test_uneven_samples_and_missing_values_change_nothing() -> None:
     assert found.amplitude == pytest.approx(0.1, abs=4 * found.error)
 
 
+def test_an_order_is_found_in_rows_that_are_far_apart_on_the_circle() -> None:
+    """Three short pieces of a long run: as one stretch, its line has others as high beside it."""
+    rng = np.random.default_rng(3)
+    log = turning(1.25, 120_000, {}, noise=0.0, output_spline="flex")
+    q, pieces = log["output_position"], [range(k, k + 5700) for k in (17_000, 57_000, 97_000)]
+    values = np.full(len(log), np.nan)
+    for rows in map(list, pieces):
+        values[rows] = 0.0625 * np.cos(1400 * q[rows] + 0.4) + 0.01 * rng.normal(size=len(rows))
+    (found,) = find_orders(log, [values])
+    assert (found.order, found.pair) == (14, "motor_stator")
+    assert abs(found.amplitude - 0.0625) < 4 * found.error
+    values[pieces[2]] = np.nan  # and where nothing else is there, each piece by itself
+    assert [one.order for one in find_orders(log, [values])] == [14]
+
+
 def test_an_order_beyond_half_the_rate_is_not_claimed_and_not_drawn() -> None:
     log = turning(3, 6000, {1500.0: 0.3})  # 0.5 turns/s: order 1000 is at 500 Hz, 1500 folds to 500
     spectrum = order_spectrum(log, "sensor_torque", max_order=2000)

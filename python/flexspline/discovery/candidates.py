@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,7 +73,9 @@ def freedoms(
     names = {effect.name for effect in base}
     found = [FRICTION_BY_DIRECTION] if names & {*BASIC_FRICTION} and _both_ways(logs) else []
     if known_load in noise and noise[str(known_load)].noisy:
-        found.append(LAG)
+        with suppress(InputError):  # of a current it cannot be, beside a load of the model's own
+            require_one_unit([*base, Effect(LAG)], target, known_load)
+            found.append(LAG)
     return tuple(name for name in found if name not in names)
 
 

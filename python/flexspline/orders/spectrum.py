@@ -73,6 +73,9 @@ _WINDOW = 0.05  # s, over which the speed is taken
 _STILL = 0.3  # of the run's usual speed: slower than this counts as a reversal or standstill
 _SETTLE = (0.5, 0.1)  # s left out after a start and before a stop: presliding, overshoot
 _SHORTEST = 64  # rows that a stretch needs
+_HOLE = 0.1
+"""Of a stretch's angle, without rows: beside the line of an order stand others as high then, within
+what its floor is taken from."""
 _CYCLES = 1.5  # cycles in the span from which an order can be told from a trend
 NYQUIST = 0.9  # of half the sampling rate
 
@@ -205,11 +208,21 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
         start = angle[way].min()
         pieces = max(1, int(np.ceil((angle[way].max() - start) / (2 * np.pi * longest))))
         which = np.minimum((angle[way] - start) // (2 * np.pi * longest), pieces - 1)
-        for piece in range(pieces):
-            rows = way[which == piece]
-            if len(rows) >= _SHORTEST:
-                name = f"{log.name} {word}" + (f" part {piece + 1}" if pieces > 1 else "")
-                yield _stretch(run, name, time[rows], angle[rows], values[rows], speed[rows], rate)
+        parts = [part for k in range(pieces) for part in _unbroken(angle, way[which == k])]
+        for number, rows in enumerate(parts, 1):
+            name = f"{log.name} {word}" + (f" part {number}" if len(parts) > 1 else "")
+            yield _stretch(run, name, time[rows], angle[rows], values[rows], speed[rows], rate)
+
+
+def _unbroken(angle: NDArray[np.float64], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Yield the rows on each side of a hole in their angles; too few are left out."""
+    ranked = np.sort(angle[rows])
+    wide = np.diff(ranked) > _HOLE * (ranked[-1:] - ranked[:1])
+    side = np.searchsorted(ranked[:-1][wide], angle[rows])
+    for k in range(np.count_nonzero(wide) + 1):
+        own = rows[side == k]
+        if len(own) >= _SHORTEST:
+            yield own
 
 
 def _settled(time: NDArray[np.float64], moving: NDArray[np.bool_]) -> NDArray[np.intp]:
