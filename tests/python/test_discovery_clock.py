@@ -60,6 +60,37 @@ def test_a_delay_is_known_as_well_where_it_is_long(late: float) -> None:
     assert sizes == pytest.approx([late, late], abs=1e-4)
 
 
+def arm_run(seed: int, late: float) -> Log:
+    """A sensor behind an arm of 20 Nm, 1 % too large; the load cell is late, s."""
+    generator, time = np.random.default_rng([seed, 7]), np.arange(10_000) / 500.0
+    rates, phases = generator.uniform(0.2, 1.5, 4), generator.uniform(0.0, 6.0, 4)
+
+    def angle(at: Array) -> Array:
+        return np.asarray(np.sin(2.0 * np.pi * rates * at[:, None] + phases) @ [0.7, 0.3, 0.2, 0.1])
+
+    load, before = (20.0 * np.sin(angle(at)) for at in (time, time - late))
+    return Log.from_arrays(
+        time=time,
+        output_position=OUTPUT * np.round(angle(time) / OUTPUT),
+        sensor_torque=0.1 + 1.01 * load + generator.normal(0.0, 0.05, time.size),
+        reference_torque=before + generator.normal(0.0, 0.04, time.size),
+        facts={"gear_ratio": 100, "name": f"run {seed}"},
+    )
+
+
+@pytest.mark.parametrize("late", [0.0, 0.005, 0.012])
+def test_a_load_cell_that_is_late_behind_an_arm_is_a_fault(late: float) -> None:
+    """Functions of the angle tell hardly anything of the delay; all is explained by it alone."""
+    logs = [arm_run(seed, late) for seed in range(2)]
+    made = flexspline.discover(
+        ["offset", "gain_error"], logs, target="sensor_torque", known_load=LOAD
+    )
+    assert made.names == () and made.unexplained is None
+    sizes = [fault.size for fault in made.data_faults if fault.name == "load_delay"]
+    assert sizes == pytest.approx([late, late] if late else [], rel=0.02)
+    assert made.base_rmse < 0.07
+
+
 def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_speed() -> None:
     """One effect holds the orders of both, and with a resonance far away it is their sum."""
 

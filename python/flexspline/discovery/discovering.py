@@ -458,19 +458,9 @@ def _on_one_clock(
     search makes it more precise. Where the sensor is behind its load, a lag is to be named.
     """
     as_read = recorded = _Recorded.of(runs, task)
+    if LAG not in free:
+        return _behind_a_torsion(runs, load, as_read, free)
     late, delay = Delay(), 0.0
-    if LAG not in free:  # a torsion: what the load makes of it depends on the names
-        made = found = recorded.analysed(free)
-        for _ in range(SETTINGS.tried - 1):
-            late = delay_behind(made)
-            if not late.significant:
-                break
-            delay += late.seconds
-            recorded = as_read.moved(runs, load, delay)
-            made = recorded.analysed(free)
-        if made.leftover.share >= 0.5:  # what is unexplained may be what is late
-            made, recorded, delay = found, as_read, 0.0
-        return recorded, recorded.confirmed(made, free), delay
     others, sensor = [name for name in free if name != LAG], task.target in SENSOR
     look = recorded.look(free)
     for _ in range(SETTINGS.tried - 1):  # to first order each
@@ -486,15 +476,46 @@ def _on_one_clock(
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, as_read
         made = recorded.without_lag(made, others)
-    elif rest.significant and late.bears_out(delay + rest.seconds):
+    elif rest.significant and (late.bears_out(delay + rest.seconds) or _all_by_a_lag(made)):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)
+        if not late.bears_out(delay):  # one step from far away, to first order
+            delay += lead_of(made.in_runs(recorded.context(free)[0], "")).seconds
+            recorded = as_read.moved(runs, load, delay)
         made = made.in_runs(recorded.context(others, LAG)[0], LAG)
     else:
         made = made.without(LAG)
     if delay and LAG not in task.exclude:
         made.context.not_tried[LAG] = TAKEN
     return recorded, recorded.confirmed(made, others), delay
+
+
+def _behind_a_torsion(
+    runs: Sequence[Log], load: str, as_read: _Recorded, free: Sequence[str]
+) -> tuple[_Recorded, Confirmed, float]:
+    """The same of a torsion: what the load makes of it depends on the names."""
+    recorded, delay = as_read, 0.0
+    made = found = recorded.analysed(free)
+    for _ in range(SETTINGS.tried - 1):
+        late = delay_behind(made)
+        if not late.significant:
+            break
+        delay += late.seconds
+        recorded = as_read.moved(runs, load, delay)
+        made = recorded.analysed(free)
+    if made.leftover.share >= 0.5:  # what is unexplained may be what is late
+        made, recorded, delay = found, as_read, 0.0
+    return recorded, recorded.confirmed(made, free), delay
+
+
+def _all_by_a_lag(made: Analysis) -> bool:
+    """Whether nearly all is explained beside the lag of the base, and most of it by no name.
+
+    Where an arm is the load, functions of its angle tell of the delay hardly anything.
+    """
+    bare = made.without(LAG)
+    base, names, every = (left.rmse**2 for left in (bare.before, bare.after, made.after))
+    return made.unexplained_beyond(LAG) <= 1.0 - SETTINGS.most and names - every > base - names
 
 
 def _base(
