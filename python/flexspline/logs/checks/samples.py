@@ -398,8 +398,11 @@ class Motion:
 
     def low_passed(self, values: Array) -> Array:
         """Columns with a row for each row of the motion, behind its low pass."""
-        fit = LocalFit(self.bandwidth)
-        return np.concatenate([fit.apply(self.time[a:b], values[a:b]) for a, b in self.ranges])
+        return _by_range(LocalFit(self.bandwidth), self.time, values, self.ranges)
+
+    def derivative(self, order: int, bandwidth: float) -> Array:
+        """Derivative of the position behind a low pass of another bandwidth [Hz]."""
+        return _by_range(LocalFit(bandwidth, order), self.time, self.position, self.ranges)
 
     def inside(self, margin: float) -> NDArray[np.bool_]:
         """Rows at least `margin` [s] away from the ends of their run, and not at its edge."""
@@ -439,12 +442,14 @@ def _derived(
     time: Array, position: Array, ranges: NDArray[np.intp], rows: NDArray[np.intp]
 ) -> Motion:
     bandwidth = min(default_bandwidth(time, position), 0.1 / median_step(time))
-    parts = [
-        [LocalFit(bandwidth, order).apply(time[a:b], position[a:b]) for a, b in ranges]
-        for order in (1, 2)
-    ]
-    velocity, acceleration = (np.concatenate(p) for p in parts)
+    velocity, acceleration = (
+        _by_range(LocalFit(bandwidth, order), time, position, ranges) for order in (1, 2)
+    )
     return Motion(time, position, velocity, acceleration, bandwidth, ranges, rows)
+
+
+def _by_range(fit: LocalFit, time: Array, values: Array, ranges: NDArray[np.intp]) -> Array:
+    return np.concatenate([fit.apply(time[a:b], values[a:b]) for a, b in ranges])
 
 
 def _usable_rows(log: Log) -> NDArray[np.intp]:
