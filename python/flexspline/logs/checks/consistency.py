@@ -241,7 +241,7 @@ def _wrong_velocity(log: Log, channel: str, size: float, *, of_position: bool) -
         readings.append(f"{position} {said.position}")
     other = f", or scale={position}:{size:.6g} if {position} is wrong" if of_position else ""
     beside = "" if of_position else ", which the other side of the gear confirms"
-    why = " or ".join(readings) or "scale or sampling rate is wrong"
+    why = ", or ".join(readings) or "scale or sampling rate is wrong"
     return Finding(
         "velocity_unit" if readings else "velocity_scale",
         "fault",
