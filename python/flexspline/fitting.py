@@ -101,7 +101,7 @@ def fit(
     )
     from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import preparations_for
-    from flexspline.signals import require_one_unit
+    from flexspline.signals import require_one_unit, without_unread
 
     how = FitOptions() if options is None else options
     runs = runs_of(logs)
@@ -110,7 +110,8 @@ def fit(
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
-    warnings = checked(runs, chosen, target, known_load) if checks else []
+    runs, warnings = without_unread(runs, chosen, target, known_load)
+    warnings += checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
     own = own_terms(chosen, how, [*given.fixed], len(runs))
     centred = own == (ZERO,) and taken_out(chosen, runs, given)

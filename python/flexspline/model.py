@@ -129,6 +129,14 @@ class Model:
         InputError
             Where there is none, or several and no target is given.
         """
+        if not self.parts:
+            holds = (
+                f"; it holds the estimators {listed(self.estimators)}" if self.estimators else ""
+            )
+            raise InputError(
+                f"the model explains no target{holds}; a fit into it adds a part that does "
+                "(into=, --into MODEL.json)"
+            )
         if target is None:
             if len(self.parts) == 1:
                 return next(iter(self.parts.values()))

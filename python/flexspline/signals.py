@@ -28,6 +28,7 @@ from flexspline.logs.segments import runs
 __all__ = [
     "IMAGINABLE",
     "channels_for",
+    "channels_read",
     "core_channels",
     "gear_for",
     "gear_of",
@@ -38,6 +39,7 @@ __all__ = [
     "require_one_unit",
     "target_of",
     "torque_of_current",
+    "without_unread",
 ]
 
 Array = NDArray[np.float64]
@@ -156,6 +158,44 @@ def channels_for(
                 f"{listed(log.channels)}; {remedy} or leave the effect out"
             )
     return log
+
+
+def channels_read(
+    log: Log, effects: Sequence[Effect], target: str, known_load: str | None
+) -> set[str]:
+    """Return the channels of a log that a fit of these effects reads, or derives others of."""
+    read = {channel for effect in effects for channel in effect.reads}
+    made_of = {
+        "output_velocity": "output_position",
+        "output_acceleration": "output_position",
+        "motor_torque": "motor_current",
+    }
+    read |= {source for name, source in made_of.items() if name in read and name not in log}
+    if "motor_position" in read:
+        read.add("output_position")
+    return read | {"time", *_PER_TARGET.get(target, ()), *([known_load] if known_load else [])}
+
+
+def without_unread(
+    logs: Sequence[Log], effects: Sequence[Effect], target: str, known_load: str | None
+) -> tuple[list[Log], list[str]]:
+    """Return logs without channels that are not finite and that a fit does not read.
+
+    Such a channel says nothing against the others. What is left out is returned as sentences.
+    """
+    left, said = list[Log](), list[str]()
+    for log in logs:
+        unread = set(log.channels) - channels_read(log, effects, target, known_load)
+        counts = {name: np.count_nonzero(~np.isfinite(log[name])) for name in sorted(unread)}
+        notes = {
+            name: f"{name} is NaN or infinite in {count} row{'' if count == 1 else 's'}; the fit "
+            "does not read it and goes on without it."
+            for name, count in counts.items()
+            if count
+        }
+        said += [f"{log.name}: {note}" for note in notes.values()]
+        left.append(log.without(notes, [*notes.values()]))
+    return left, said
 
 
 def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -> dict[str, Array]:

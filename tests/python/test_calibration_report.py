@@ -123,3 +123,10 @@ def test_the_call_that_the_report_prints_makes_the_calibration_again(tmp_path: P
     again = names["result"]
     assert isinstance(again, CalibrationResult)
     assert str(again) == str(whole())
+
+
+def test_a_share_of_a_full_scale_that_is_too_small_is_no_power_of_ten() -> None:
+    runs = [bench.load_run(), bench.drift_run(cooling=True)]
+    text = " ".join(str(calibrate(runs, full_scale=0.007)).split())
+    assert re.search(r"\(\d{3,} % of 0\.007 Nm\)", text)
+    assert not re.search(r"e\+\d+ %", text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -55,6 +56,25 @@ def test_a_run_at_one_speed_does_not_excite(effect: str, words: str) -> None:
     (finding,) = check(one_speed(), effects=[effect]).named("no_excitation")
     assert effect in finding.sentence and words in finding.sentence
     assert finding.severity == "note"
+
+
+def test_a_coarse_encoder_does_not_hide_an_acceleration() -> None:
+    """Behind the low pass that suits the velocity, steps of 2π/2¹⁷ make as much as the motion."""
+    time = np.arange(10_000) / 500.0
+    angle = 0.54 * np.sin(0.2 * np.pi * time) + 0.21 * np.sin(0.46 * np.pi * time)
+    grain = 2 * np.pi / 2**17
+    log = Log.from_arrays(time=time, output_position=grain * np.round(angle / grain))
+    assert not check(log, effects=["inertia"]).named("no_excitation")
+
+
+@pytest.mark.parametrize("grain", [1e-6, 1e-5, 1e-4, 1e-3])
+def test_noise_that_is_part_of_an_acceleration_is_never_more_than_the_whole(grain: float) -> None:
+    noise = 0.3 * grain * np.random.default_rng(1).standard_normal(len(TIME))
+    angle = grain * np.round((0.4937 * TIME + noise) / grain)
+    log = Log.from_arrays(time=TIME, output_position=angle)
+    (finding,) = check(log, effects=["inertia"]).named("no_excitation")
+    (part,) = re.findall(r"of which noise makes (all|[\d.e-]+\d)", finding.sentence)
+    assert part == "all" or float(part) < finding.size
 
 
 def test_without_a_target_effects_are_asked_of_those_whose_channels_are_all_there() -> None:

@@ -72,6 +72,18 @@ def test_a_fault_ends_with_zero_but_is_no_clean_bill(tmp_path: Path) -> None:
     assert "Faults in run1 would be taken for physics" in result.stdout
 
 
+def test_a_gap_that_nothing_bridges_is_not_to_be_repaired(tmp_path: Path) -> None:
+    """A fit takes what lies beside it apart: it is no physics, and there is no repair."""
+    log = sound_log(SEED)
+    gap = log.rows(np.r_[0 : len(log) // 3, len(log) // 2 : len(log)])
+    result = call("check", written(tmp_path, gap, "gap"))
+    said = " ".join(result.stdout.split())
+    assert "more than 2.5 steps apart and needs no repair; the repair resample=Hz closes" in said
+    assert "The run can be fitted: no error and no fault was found but missing rows." in said
+    both = call("check", written(tmp_path, late(gap), "both"))
+    assert "would be taken for physics; do what is said of each first." in both.stdout
+
+
 def test_what_makes_nonsense_of_a_torsion_alone_forbids_its_fit_alone(tmp_path: Path) -> None:
     log = sound_log(SEED)
     log = log.with_columns({"motor_position": -log["motor_position"]}, note="reversed")

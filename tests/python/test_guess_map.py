@@ -519,3 +519,19 @@ def test_an_attribute_that_is_no_unit_changes_nothing(tmp_path: Path) -> None:
     log = read_log(tmp_path / "run.h5", {"time": "t", "output_position": "q"})
     assert np.array_equal(log["time"], TIME)
     assert np.allclose(log["output_position"], Q)
+
+
+def test_of_columns_without_names_a_velocity_is_not_taken_for_a_position(tmp_path: Path) -> None:
+    """The velocity's own derivative follows it more exactly than it follows a noisy angle."""
+    time = np.arange(0.0, 20.0, 0.01)
+    slow, fast = 3.0 * np.pi, 7.0 * np.pi  # whole periods in the run
+    angle = -np.cos(slow * time) / slow - 0.5 * np.cos(fast * time) / fast
+    angle += 0.01 * np.random.default_rng(1).standard_normal(len(time))
+    velocity = np.sin(slow * time) + 0.5 * np.sin(fast * time)
+    current = slow * np.cos(slow * time) + 0.5 * fast * np.cos(fast * time)
+    np.savetxt(
+        tmp_path / "bare.csv", np.column_stack([time, angle, velocity, current]), "%.6g", ","
+    )
+    guess = guess_map(tmp_path / "bare.csv")
+    assert guess.columns["output_position"].source == 1
+    assert guess.columns["output_velocity"].source == 2

@@ -221,6 +221,14 @@ def test_a_map_of_all_joints_is_refused_where_there_is_one(tmp_path: Path) -> No
         guess_map(tmp_path / "one.csv", joint="all")
 
 
+def test_columns_without_names_are_not_said_to_be_of_one_joint(tmp_path: Path) -> None:
+    time = np.arange(0.0, 10.0, 0.01)
+    table = np.column_stack([time, np.sin(time), np.sin(2 * time), np.cos(time)])
+    np.savetxt(tmp_path / "bare.csv", table, delimiter=",")
+    with pytest.raises(InputError, match=r"its columns have no names.*leave --joint out"):
+        guess_map(tmp_path / "bare.csv", joint="1")
+
+
 def test_a_map_file_names_the_joints_and_the_runs_of_a_file(tmp_path: Path) -> None:
     path, columns = written(tmp_path, "[read]\nsplit_gaps = 5.0\n[joints.2]\ngear_ratio = 50")
     assert joints_of(path, columns) == ("1", "2", "3")

@@ -417,6 +417,14 @@ def test_the_motors_angle_is_taken_from_where_the_fit_took_it():
         model.predict(bare)
 
 
+@pytest.mark.parametrize("target", [None, "sensor_torque"])
+def test_a_model_without_a_part_does_not_ask_which(target):
+    with pytest.raises(InputError, match="no target; it holds the estimators observer; a fit"):
+        Model({}, estimators={"observer": Observer(5.0)}).part(target)
+    with pytest.raises(InputError, match="no target; a fit into it adds a part"):
+        Model({}).part(target)
+
+
 def test_the_part_is_named_where_there_are_several():
     log = drive_log("flex")
     model = flexspline.fit(["offset"], log, "motor_torque", checks=False).model

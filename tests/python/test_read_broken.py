@@ -141,7 +141,7 @@ FILES: list[tuple[str, Callable[[Path], object], dict[str, Any], str]] = [
         "latin.csv",
         write("time,q\n0,1\n1,\xb0\n".encode("latin-1")),
         {"columns": Q},
-        "line 3 is not utf-8 text; give its encoding",
+        "line 3 is not utf-8 text; give its encoding, such as latin-1 .--encoding latin-1, ",
     ),
     ("encoding.csv", write(GOOD), {"columns": Q, "encoding": "klingon"}, "encoding 'klingon'"),
     ("picture.csv", write(b"\x89PNG\0\0"), {}, "not a text file"),

@@ -10,11 +10,13 @@ import pytest
 import report_fits
 from golden_texts import NUMBER, is_as_kept
 
+from flexspline import fit
 from flexspline.comparison.covariates import labels_of
 from flexspline.formatting import percent, plus_minus, short_names, told_apart, truncated
 from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.least_squares.validation import bands
+from flexspline.logs import Log
 from flexspline.report.text import fit_text
 
 FITS: dict[str, Callable[[], Fit]] = {
@@ -57,6 +59,20 @@ def test_the_combinations_of_a_confounded_group_are_known_with_their_error() -> 
     text = str(report_fits.confounded_fit())
     assert "known: coulomb_friction_per_direction.positive + offset = " in text
     assert "known: coulomb_friction_per_direction.negative + offset = " in text
+
+
+def test_what_no_run_excites_is_not_said_to_be_known_beside_another() -> None:
+    """At rest nothing is known of friction: it is no sum with another parameter either."""
+    rng = np.random.default_rng(4)
+    still = Log.from_arrays(
+        time=np.arange(2_000) / 200.0,
+        output_position=np.zeros(2_000),
+        output_velocity=np.zeros(2_000),
+        motor_current=0.02 + 0.01 * rng.standard_normal(2_000),
+    )
+    text = " ".join(str(fit(["offset", "viscous_friction"], still, "motor_current")).split())
+    assert "not excited by these runs: viscous_friction" in text
+    assert "not determined alone" not in text
 
 
 def test_an_order_has_the_amplitude_and_phase_that_were_put_in() -> None:

@@ -314,6 +314,16 @@ def test_effective_samples_of_an_offset_are_those_of_the_mean():
     assert result.reliable and result.statement.startswith("Intervals hold")
 
 
+@pytest.mark.parametrize("coefficient", [-0.5, 0.5])
+def test_more_effective_samples_than_samples_are_explained(coefficient):
+    """The mean of what swings about it is better known than that of independent samples."""
+    white = np.random.default_rng(2).normal(size=2_000)
+    swinging = lfilter([1.0], [1.0, -coefficient], white)
+    made = solve(np.ones((2_000, 1)), swinging - np.mean(swinging))
+    assert (made.effective_samples > made.length) == (coefficient < 0)
+    assert ("what swings averages out more" in made.statement) == (coefficient < 0)
+
+
 def test_huber_weights_keep_outliers_from_widening_the_errors():
     rows, clean = problem(4_000, 3)
     pushed = clean.copy()

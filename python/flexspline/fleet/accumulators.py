@@ -41,7 +41,7 @@ from flexspline.least_squares.options import (
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.log import Fact, Log
-from flexspline.signals import require_one_unit
+from flexspline.signals import require_one_unit, without_unread
 
 if TYPE_CHECKING:
     from flexspline.fleet.sessions import Session
@@ -420,7 +420,9 @@ def _in_pieces(session: Session) -> bool:
 
 def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
     """Sums of a run, or of a piece of one, and what its checks say."""
-    said = checked([log], plan.effects, plan.target, plan.known_load) if plan.checks else []
+    asked = plan.effects, plan.target, plan.known_load
+    (log,), said = without_unread([log], *asked)
+    said += checked([log], *asked) if plan.checks else []
     problem = _posed(log, plan)
     if not problem.runs[0].counted:
         raise InputError(f"{log.name}: no row counts; record longer, or smooth less")

@@ -135,7 +135,10 @@ class Uncertainty:
     @property
     def statement(self) -> str:
         """Whether the intervals can be believed, in words."""
-        have = f"{self.length} samples (effective sample size {self.effective_samples:.0f})"
+        have = f"{self.length} samples (effective sample size {self.effective_samples:.0f}"
+        if round(self.effective_samples) > self.length:
+            have += ", for what swings averages out more than independent noise does"
+        have += ")"
         count, least = self.noise.parameters, self.shortest_length
         need = f"{count} parameters in this noise need {least} samples"
         if self.reliable:

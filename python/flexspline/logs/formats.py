@@ -507,7 +507,7 @@ def decoded(content: bytes, label: str, encoding: str) -> str:
         where = content.count(b"\n", 0, getattr(error, "start", 0)) + 1
         raise InputError(
             f"{label}: line {where} is not {encoding} text; "
-            "give its encoding, such as encoding='latin-1'"
+            "give its encoding, such as latin-1 (--encoding latin-1, in Python encoding='latin-1')"
         ) from error
     except (LookupError, ValueError) as error:
         raise InputError(

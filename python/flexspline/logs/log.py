@@ -13,7 +13,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
@@ -203,6 +203,13 @@ class Log:
         """Return a log with these channels added or replaced; `note` goes into the history."""
         merged: dict[str, Any] = {**self.columns, **columns}
         return Log(merged, self.facts, (*self.history, note), self.source)
+
+    def without(self, channels: Collection[str], notes: Sequence[str]) -> Log:
+        """Return a log without these channels; `notes` go into the history."""
+        if not channels:
+            return self
+        kept = {name: data for name, data in self.columns.items() if name not in channels}
+        return Log(kept, self.facts, (*self.history, *notes), self.source)
 
     def with_facts(self, facts: Mapping[str, Fact], *, note: str | None = None) -> Log:
         """Return a log with these facts added or replaced."""

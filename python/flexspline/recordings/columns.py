@@ -203,7 +203,10 @@ def one_joint(columns: Sequence[Column], joint: str | None, file: str, label: st
     joint = None if every else joint
     if not groups:
         if joint is not None or every:
-            raise InputError(f"{label}: has columns of one joint alone; leave --joint out")
+            what = "has columns of one joint alone"
+            if not any(column.says.name for column in columns):
+                what = "its columns have no names, so that none is known to be a joint's"
+            raise InputError(f"{label}: {what}; leave --joint out")
         return Joints(tuple(columns))
     names = list(dict.fromkeys(name for group in groups.values() for name in group))
     if joint is not None and joint not in names:

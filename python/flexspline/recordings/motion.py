@@ -493,17 +493,25 @@ def _fits(velocity: Column, position: Column, factor: float) -> bool:
 
 
 def _by_numbers(found: Motion, columns: list[Column], time: Array) -> None:
-    """Find a position and its velocity among columns without names, by their numbers alone."""
+    """Find a position and its velocity among columns without names, by their numbers alone.
+
+    What is itself another column's derivative is rather a velocity than a position.
+    """
     moving = [c for c in columns if c.moves]
     doubt = "told by its numbers alone; its side is not named"
-    best = EXPLAINED
-    for position in moving:
-        for velocity in moving:
-            told = _bent_alike(position, velocity, time)
-            if velocity is not position and told.explained > best:
-                best = told.explained
-                found["output"]["position"] = Chosen(position, "the velocity's integral", doubt)
-                found["output"]["velocity"] = Chosen(velocity, "the position's derivative", doubt)
+    told = {
+        (position, velocity): _bent_alike(moving[position], moving[velocity], time).explained
+        for position in range(len(moving))
+        for velocity in range(len(moving))
+        if velocity != position
+    }
+    pairs = {pair: explained for pair, explained in told.items() if explained > EXPLAINED}
+    derivatives = {velocity for _, velocity in pairs}
+    first = [pair for pair in pairs if pair[0] not in derivatives] or [*pairs]
+    if first:
+        position, velocity = max(first, key=lambda pair: pairs[pair])
+        found["output"]["position"] = Chosen(moving[position], "the velocity's integral", doubt)
+        found["output"]["velocity"] = Chosen(moving[velocity], "the position's derivative", doubt)
 
 
 def _bent_alike(position: Column, velocity: Column, time: Array) -> Ratio:

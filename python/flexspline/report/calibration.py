@@ -203,8 +203,8 @@ def calibration_verdict(result: CalibrationResult) -> Verdict:
         known = plus_minus(sensitivity.value, sensitivity.standard_error)
         share = ""
         if result.full_scale:
-            percent = short(100.0 * result.cv_rmse / result.full_scale, 2)
-            share = f" ({percent} % of {short(result.full_scale, 4)} Nm)"
+            of_scale = _of_scale(result.cv_rmse, result.full_scale)
+            share = f" ({of_scale} % of {short(result.full_scale, 4)} Nm)"
         good = f"Calibrated, {known} Nm/V: the reading is off by {held}{share}, {worst}."
     faults, missing = _faults(result), _missing(result)
     if not faults:
@@ -278,7 +278,7 @@ def zero_sentence(result: CalibrationResult) -> str:
     volts, torque = result.zero_spread
     size = f"{digits(MILLI * volts)} mV"
     if result.unit == "Nm":
-        share = f", {short(100.0 * torque / result.full_scale, 2)} %FS" if result.full_scale else ""
+        share = f", {_of_scale(torque, result.full_scale)} %FS" if result.full_scale else ""
         size = f"{digits(torque)} Nm ({size}{share})"
     return f"Zeros of {len(result.zeros)} runs, standard deviation {size}. {OWN_ZEROS}"
 
@@ -450,4 +450,10 @@ def digits(value: float) -> str:
 
 
 def _fixed(value: float) -> str:
-    return f"{value:.3f}" if value < 10.0 else f"{value:.4g}"
+    return f"{value:.3f}" if value < 10.0 else f"{value:.4g}" if value < 1e4 else f"{value:.0f}"
+
+
+def _of_scale(torque: float, full_scale: float) -> str:
+    """Return a torque in per cent of the full scale, to two digits and in no power of ten."""
+    share = 100.0 * torque / full_scale
+    return short(share, 2) if share < 99.5 else f"{share:.0f}"

@@ -286,10 +286,12 @@ def _critical(fit: Fit, share: float) -> list[str]:
         found.append("it predicts no better than a constant")
     if fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
-    every = (short_names(name) for group in fit.confounded for name in group.names)
-    hidden = [*dict.fromkeys(every)]
-    if hidden:
-        found.append(f"not determined alone: {listed(hidden, 6)}")
+    for words, groups in (
+        ("not determined alone", [g.names for g in fit.confounded if len(g.names) > 1]),
+        ("not excited by these runs", [g.names for g in fit.confounded if len(g.names) == 1]),
+    ):
+        if hidden := [*dict.fromkeys(short_names(name) for names in groups for name in names)]:
+            found.append(f"{words}: {listed(hidden, 6)}")
     stuck = [short_names(p.name) for p in fit.parameters if p.state.startswith("at ")]
     if stuck:
         found.append(f"at a bound: {listed(stuck, 6)}")

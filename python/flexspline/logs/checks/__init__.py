@@ -32,6 +32,7 @@ from flexspline.logs.checks.findings import (
 )
 from flexspline.logs.checks.load import load_of_target, told_once
 from flexspline.logs.checks.samples import (
+    DROPPED,
     clipped,
     constant,
     dropped_samples,
@@ -166,13 +167,18 @@ def together(
 def check_verdict(audits: Audits, target: str | None = None) -> str:
     """Return one sentence: whether the runs can be fitted, and what would be taken for physics."""
     forbidden = [log.name for log, found in audits if found.forbidding(target)]
-    faulty = [log.name for log, found in audits if found.faults]
+    faults = [(log.name, {f.name for f in found.faults}) for log, found in audits]
+    faulty = [name for name, its in faults if its - {DROPPED}]
+    gaps = any(DROPPED in its for _, its in faults)
     count = f"{len(audits)} runs" if len(audits) > 1 else "run"
     if forbidden:
         return f"No fit of {_named(forbidden)} can mean anything until the errors are repaired."
     if faulty:
-        return f"Faults in {_named(faulty)} would be taken for physics; repair them before a fit."
-    return f"The {count} can be fitted: no error and no fault was found."
+        return (
+            f"Faults in {_named(faulty)} would be taken for physics; do what is said of each first."
+        )
+    but = " but missing rows" if gaps else ""
+    return f"The {count} can be fitted: no error and no fault was found{but}."
 
 
 def audit_text(audits: Audits, excited: Sequence[Excited]) -> list[str]:

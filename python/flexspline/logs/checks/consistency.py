@@ -14,6 +14,10 @@ belongs to an earlier moment than the motor's). A gear's own angle errors are or
 over enough turns. h is a hysteresis of the torsion, a step between the directions; one that builds
 up gradually would be taken for a part of δ.
 
+Which of them has the wrong unit: a position, its velocity and the position of the other side
+through the stated ratio are three readings of one motion. Where two agree, the third is wrong;
+where there are two only, either may be.
+
 Torque against motion: its sign, and its delay.
 
     τ = o + c tanh(v / v_d) + b v + J q̈ + s sin q + k cos q (+ g τ_ref)
@@ -73,7 +77,8 @@ TWIST = 0.005
 """rad at the output that the torsion of a gear under load may turn of itself."""
 
 LEAST_TRAVEL = 10 * TWIST
-"""rad of the output, below which the motor's angle says more of torsion than of the ratio."""
+"""rad of the output, below which the motor's angle says more of torsion than of the ratio. A stated
+ratio is judged where either encoder shows as much, for a wrong unit makes the other's small."""
 
 TOLD = 4.0  # standard errors of a delay between encoders, from which it is one
 DIRECTION = 0.001
@@ -134,21 +139,59 @@ def _within(motion: Motion) -> float:
 
 
 def _compare(log: Log, channel: str, motion: Motion) -> Iterator[Finding]:
+    scale = _scale(log, channel, motion)
+    if scale is None:
+        return
+    if not scale.related:
+        yield _unrelated(log, channel, scale.late.explained)
+        return
+    yield from _wrong_factor(log, channel, scale)
+    if abs(scale.delay) > max(0.5 * median_step(motion.time), 0.001):
+        yield late_velocity(log, channel, scale.late)
+
+
+class Scale(NamedTuple):
+    """Velocity over the derivative of its position, its error, and the delay between them.
+
+    `related`: whether the velocity is that derivative but for factor and delay. `delay` [s] is
+    zero where none is known.
+    """
+
+    factor: float
+    error: float
+    related: bool
+    late: Delay
+    delay: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the factor may be one, but for its sign."""
+        return abs(abs(self.factor) - 1) <= self.slack
+
+    @property
+    def slack(self) -> float:
+        """Relative deviation of the factor that is let pass."""
+        return max(FACTOR_LIMIT, 5 * self.error)
+
+
+def _scale(log: Log, channel: str, motion: Motion) -> Scale | None:
+    """Compare a velocity with its position's derivative; None where their delay is not told."""
     late = _behind(log, channel, motion)
     if late is None:
-        return
+        return None
     velocity, valid = motion.smooth(log[channel]), motion.inside(_within(motion))
-    step = median_step(motion.time)
     delay = late.seconds if is_delay(late) else 0.0
     aligned = np.interp(motion.time - delay, motion.time, motion.velocity)
     grain = quantum(log[channel][motion.rows])
-    factor, error, related = _factor(velocity[valid], aligned[valid], grain)
-    if not related:
-        yield _unrelated(log, channel, late.explained)
-        return
-    yield from _wrong_factor(log, channel, factor, error)
-    if abs(delay) > max(0.5 * step, 0.001):
-        yield late_velocity(log, channel, late)
+    return Scale(*_factor(velocity[valid], aligned[valid], grain), late, delay)
+
+
+def _scale_of(log: Log, channel: str) -> Scale | None:
+    """Return how a velocity goes with its position; None where there is no telling."""
+    if channel not in log or (motion := motion_of(log, PAIRS[channel])) is None:
+        return None
+    scale = _scale(log, channel, motion)
+    return scale if scale is not None and scale.related else None
 
 
 def _factor(velocity: Array, derivative: Array, grain: float) -> tuple[float, float, bool]:
@@ -166,8 +209,8 @@ def _factor(velocity: Array, derivative: Array, grain: float) -> tuple[float, fl
     return factor, error, factor != 0 and left < 0.5 * float(np.sum(velocity**2))
 
 
-def _wrong_factor(log: Log, channel: str, factor: float, error: float) -> Iterator[Finding]:
-    size, everywhere = abs(factor), (0, len(log))
+def _wrong_factor(log: Log, channel: str, scale: Scale) -> Iterator[Finding]:
+    factor, everywhere = scale.factor, (0, len(log))
     if factor < 0:
         yield Finding(
             "velocity_sign",
@@ -180,34 +223,126 @@ def _wrong_factor(log: Log, channel: str, factor: float, error: float) -> Iterat
             f"{factor:.4g}).",
             f"Ask for the repair flip_sign={channel}.",
         )
-    if abs(size - 1) <= max(FACTOR_LIMIT, 5 * error):
+    if scale.right:
         return
-    unit = next((w for k, w in _known_factors(log) if abs(size / k - 1) <= FACTOR_LIMIT), None)
-    yield Finding(
-        "velocity_unit" if unit else "velocity_scale",
+    told = _beside_stated(log)
+    if told is not None and _position_is_wrong(told, channel, scale):
+        yield _wrong_position(log, channel, abs(factor), told)
+    else:
+        known = told is not None and told.right
+        yield _wrong_velocity(log, channel, abs(factor), of_position=not known)
+
+
+def _wrong_velocity(log: Log, channel: str, size: float, *, of_position: bool) -> Finding:
+    """Blame the velocity; `of_position`: its position may be what is wrong as well."""
+    position, said = PAIRS[channel], _units(log, size)
+    readings = [text for text in (said.velocity, said.time) if text]
+    if of_position and said.position:
+        readings.append(f"{position} {said.position}")
+    other = f", or scale={position}:{size:.6g} if {position} is wrong" if of_position else ""
+    beside = "" if of_position else ", which the other side of the gear confirms"
+    why = ", or ".join(readings) or "scale or sampling rate is wrong"
+    return Finding(
+        "velocity_unit" if readings else "velocity_scale",
         "fault",
         channel,
-        everywhere,
+        (0, len(log)),
         size,
         "",
-        f"{channel} is {size:.4g} times the derivative of {PAIRS[channel]}"
-        + (f": {unit}." if unit else ": scale or sampling rate is wrong."),
+        f"{channel} is {size:.4g} times the derivative of {position}{beside}: {why}.",
         f"Give the right unit or rate when reading, or ask for the repair "
-        f"scale={channel}:{1 / size:.6g}.",
+        f"scale={channel}:{1 / size:.6g}{other}.",
     )
 
 
-def _known_factors(log: Log) -> Iterator[tuple[float, str]]:
+def _wrong_position(log: Log, channel: str, size: float, told: Told) -> Finding:
+    """Blame a position that its velocity and the other side of the gear both contradict."""
+    position, said = PAIRS[channel], _units(log, size).position
+    return Finding(
+        "position_unit" if said else "position_scale",
+        "fault",
+        position,
+        (0, len(log)),
+        1 / size,
+        "",
+        f"{position} is {1 / size:.4g} times what {channel} and the other side of the gear say "
+        f"(motor to output {told.ratio:.5g}, stated {told.stated:.5g})"
+        + (f": it {said}." if said else ": its scale is wrong."),
+        f"Give the right unit when reading, or ask for the repair scale={position}:{size:.6g}.",
+    )
+
+
+class Told(NamedTuple):
+    """Measured ratio of motor to output without its sign, the stated one, and what is let pass."""
+
+    ratio: float
+    stated: float
+    slack: float
+
+    @property
+    def factor(self) -> float:
+        """Measured over stated ratio."""
+        return self.ratio / self.stated
+
+    @property
+    def right(self) -> bool:
+        """Whether the ratio may be the stated one."""
+        return abs(self.factor - 1) <= self.slack
+
+
+def _beside_stated(log: Log, found: Gear | None = None) -> Told | None:
+    """Return the ratio beside the stated one; None where either is not known.
+
+    `found` : what `measured_gear` returns, where that is known.
+    """
+    stated, found = log.effective_ratio, found or measured_gear(log)
+    if stated is None or found is None or found.ratio == 0:
+        return None
+    travel = _travel(log, "output_position")
+    if max(travel, _travel(log, "motor_position") / stated) < LEAST_TRAVEL:
+        return None
+    slack = max(RATIO_LIMIT, 5 * found.ratio_error / stated, TWIST / travel)
+    return Told(abs(found.ratio), stated, slack)
+
+
+def _travel(log: Log, position: str) -> float:
+    angle = unwrapped(log[position])
+    return float(np.nanmax(angle) - np.nanmin(angle))
+
+
+def _position_is_wrong(told: Told, channel: str, scale: Scale) -> bool:
+    """Whether a velocity differs from its position by what the other side of the gear does."""
+    beside = told.factor if channel == "output_velocity" else 1 / told.factor
+    return not told.right and abs(abs(scale.factor) / beside - 1) <= scale.slack
+
+
+class Units(NamedTuple):
+    """What a factor between velocity and derivative would be of the one, the other, or time."""
+
+    velocity: str = ""
+    position: str = ""
+    time: str = ""
+
+
+def _units(log: Log, size: float) -> Units:
+    """Return what is known to make this factor; nothing where it is none of these."""
     turn = 2 * np.pi
-    yield 360 / turn, "it is in deg/s, or its unit was given twice"
-    yield turn / 360, "the position is in degrees"
-    yield 60 / turn, "it is in rpm"
-    yield 1 / turn, "it is in turns per second"
-    yield 1000.0, "time is in milliseconds, or the velocity in mrad/s"
-    yield 0.001, "the position is in mrad, or time was divided by 1000 twice"
+    known = {
+        360 / turn: Units(
+            "it is in deg/s, or its unit was given twice", "was in radians and converted again"
+        ),
+        turn / 360: Units("it was converted from deg/s twice", "is in degrees"),
+        60 / turn: Units("it is in rpm"),
+        1 / turn: Units("it is in turns per second"),
+        turn: Units(position="is in turns"),
+        1000.0: Units("it is in mrad/s", time="time is in milliseconds"),
+        0.001: Units(position="is in mrad", time="time was divided by 1000 twice"),
+    }
     if log.effective_ratio:
-        yield log.effective_ratio, "it is that of the other side of the gear"
-        yield 1 / log.effective_ratio, "it is that of the other side of the gear"
+        other = "that of the other side of the gear"
+        known[log.effective_ratio] = Units(f"it is {other}")
+        known[1 / log.effective_ratio] = Units(f"it is {other}", f"is {other}")
+    return next((w for k, w in known.items() if abs(size / k - 1) <= FACTOR_LIMIT), Units())
 
 
 def late_velocity(log: Log, channel: str, late: Delay, others: str = "") -> Finding:
@@ -289,9 +424,8 @@ def gear(log: Log) -> Iterator[Finding]:
     found = measured_gear(log)
     if found is None:
         return
-    angle = unwrapped(log["output_position"])
-    travel = float(np.nanmax(angle) - np.nanmin(angle))
-    if travel < LEAST_TRAVEL:
+    yield from _ratio(log, found)
+    if _travel(log, "output_position") < LEAST_TRAVEL:
         return
     rows = (0, len(log))
     if found.ratio < 0:
@@ -305,7 +439,8 @@ def gear(log: Log) -> Iterator[Finding]:
             f"the motor side runs the other way: θ is {found.ratio:.5g} times q.",
             "Ask for the repair reverse_motor.",
         )
-    yield from _ratio(log, abs(found.ratio), found.ratio_error, travel)
+    if log.effective_ratio is None:
+        yield _not_stated(log, found)
     step = median_step(log["time"])
     if abs(found.delay) > max(TOLD * found.delay_error, 0.05 * step):
         which = "output_position" if found.delay > 0 else "motor_position"
@@ -322,39 +457,83 @@ def gear(log: Log) -> Iterator[Finding]:
         )
 
 
-def _ratio(log: Log, ratio: float, error: float, travel: float) -> Iterator[Finding]:
-    """`travel`: rad of the output, over which a wrong ratio is more than a gear twists."""
-    rows, stated = (0, len(log)), log.effective_ratio
-    if stated is None:
-        yield Finding(
-            "gear_ratio_not_stated",
-            "note",
-            "motor_position",
-            rows,
-            ratio,
-            "",
-            f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
-            f"output; no gear ratio was stated.",
-            f"State gear_ratio={ratio:.5g}.",
-        )
-    elif abs(ratio / stated - 1) > max(RATIO_LIMIT, 5 * error / stated, TWIST / travel):
-        n = float(log.facts["gear_ratio"])
-        other = n if log.facts.get("output_spline") == "circular" else n + 1
-        fits = abs(ratio / other - 1) <= max(0.1 * RATIO_LIMIT, 5 * error / other)
-        yield Finding(
-            "gear_ratio",
-            "fault",
-            "motor_position",
-            rows,
-            ratio,
-            "",
-            f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
-            f"output, not {stated:.5g} as stated"
-            + (": the other spline is the output." if fits else "."),
-            f"State output_spline={'flex' if other == n else 'circular'}."
-            if fits
-            else f"State gear_ratio={ratio:.5g}, or check the encoders' units.",
-        )
+def _not_stated(log: Log, found: Gear) -> Finding:
+    return Finding(
+        "gear_ratio_not_stated",
+        "note",
+        "motor_position",
+        (0, len(log)),
+        abs(found.ratio),
+        "",
+        f"the motor side turns {_measured(found)} times per turn of the output; no gear ratio was "
+        f"stated.",
+        f"State gear_ratio={abs(found.ratio):.5g}.",
+    )
+
+
+def _measured(found: Gear) -> str:
+    return f"{abs(found.ratio):.5g} ± {max(found.ratio_error, 1e-6):.1g}"
+
+
+def _ratio(log: Log, found: Gear) -> Iterator[Finding]:
+    """Whether the ratio is the stated one; if not, which of ratio and positions may be wrong."""
+    told = _beside_stated(log, found)
+    if told is None or told.right:
+        return
+    sound = list[str]()
+    for channel, position in PAIRS.items():
+        scale = _scale_of(log, channel)
+        if scale is None:
+            continue
+        if not scale.right and _position_is_wrong(told, channel, scale):
+            return  # said of the position
+        sound += [position] if scale.right else []
+    n = float(log.facts["gear_ratio"])
+    other = n if log.facts.get("output_spline") == "circular" else n + 1
+    open_ = [position for position in PAIRS.values() if position not in sound]
+    channel, why = "motor_position", ""
+    remedy = f"State gear_ratio={told.ratio:.5g}, or check the encoders' units."
+    if abs(told.ratio / other - 1) <= max(0.1 * RATIO_LIMIT, 5 * found.ratio_error / other):
+        why = ": the other spline is the output"
+        remedy = f"State output_spline={'flex' if other == n else 'circular'}."
+    elif _is_degrees(told.factor):
+        channel = open_[0] if len(open_) == 1 else channel
+        slipped, repairs = _slipped(told.factor, sound)
+        why = f": degrees and radians are mixed up in {slipped}"
+        remedy = f"Give the encoders' right units when reading, or ask for the repair {repairs}."
+    yield Finding(
+        "gear_ratio",
+        "fault",
+        channel,
+        (0, len(log)),
+        told.ratio,
+        "",
+        f"the motor side turns {_measured(found)} times per turn of the output, not "
+        f"{told.stated:.5g} as stated{why}.",
+        remedy,
+    )
+
+
+def _is_degrees(factor: float) -> bool:
+    """Whether a factor is that between degrees and radians, either way."""
+    degrees = 180 / np.pi
+    return any(abs(factor / k - 1) <= FACTOR_LIMIT for k in (degrees, 1 / degrees))
+
+
+def _slipped(factor: float, sound: Sequence[str]) -> tuple[str, str]:
+    """Where the unit may be wrong that makes this factor of the ratio, and the repairs.
+
+    A position in `sound` agrees with its velocity: it is wrong only where that is wrong too, so it
+    comes last.
+    """
+    repairs = {"output_position": factor, "motor_position": 1 / factor}
+    velocities = {position: velocity for velocity, position in PAIRS.items()}
+    places, asked = list[str](), list[str]()
+    for position in sorted(repairs, key=lambda one: one in sound):
+        names = [position, velocities[position]] if position in sound else [position]
+        places.append(" and ".join(names) + (" alike" if len(names) > 1 else ""))
+        asked.append(" with ".join(f"scale={name}:{repairs[position]:.6g}" for name in names))
+    return ", or in ".join(places), ", or ".join(asked)
 
 
 class Reaction(NamedTuple):

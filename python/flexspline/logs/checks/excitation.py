@@ -24,7 +24,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Excited, Finding
 from flexspline.logs.checks.samples import Motion, motion_of
 from flexspline.logs.log import Log
-from flexspline.logs.quantisation import white_noise
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.splitting import ROWS_PER_UNKNOWN
 
 TARGETS = ("sensor_torque", "motor_torque", "motor_current", "torsion")
@@ -350,22 +350,36 @@ def low_speeds(_: Log, motion: Motion) -> Lack | None:
     )
 
 
-def acceleration(log: Log, motion: Motion | None) -> Lack | None:
-    """An acceleration well above what the noise of the position makes of it."""
+def acceleration(_: Log, motion: Motion | None) -> Lack | None:
+    """An acceleration well above what the noise of the position makes of it, behind some low pass.
+
+    The bandwidth of the velocity lets noise through that the acceleration does not bear, so that
+    narrower ones are looked at too, down to eight widths of the window in the run or 1 Hz.
+    """
     if motion is None:
         return 0.0, "rad/s²", "the joint does not move", "Record a run that accelerates."
-    size = float(np.sqrt(np.mean(motion.acceleration**2)))
-    # (noise of q̈)² = noise² step ∫ (2πf)⁴ G² df = noise² · step · 2 (2π)⁴ 0.554 B⁵, see local_fit
-    step = float(np.median(np.diff(motion.time)))
-    gain = np.sqrt(2 * (2 * np.pi) ** 4 * 0.554 * motion.bandwidth**5 * step)
-    noise = float(gain) * white_noise(motion.position)
+    time = motion.time
+    lasts, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
     speed = float(np.sqrt(np.mean(motion.velocity**2)))
-    if size > 5 * noise and size * float(motion.time[-1] - motion.time[0]) > speed:
-        return None
+    grain = max(white_noise(motion.position), quantum(motion.position) / np.sqrt(12))
+    bandwidth, lowest = motion.bandwidth, max(1.0, 8.0 / lasts)
+    derived = motion.acceleration
+    while True:
+        size = float(np.sqrt(np.mean(derived**2)))
+        # (noise of q̈)² = noise² step ∫ (2πf)⁴ G² df = noise² step 2 (2π)⁴ 0.554 B⁵, see local_fit
+        noise = grain * float(np.sqrt(2 * (2 * np.pi) ** 4 * 0.554 * bandwidth**5 * step))
+        if size > 5 * noise and size * lasts > speed:
+            return None
+        if bandwidth <= lowest:
+            break
+        bandwidth = max(bandwidth / 2, lowest)
+        derived = motion.derivative(2, bandwidth)
+    share = f"{noise:.3g}" if noise < size else "all"
     return (
         size,
         "rad/s²",
-        f"the acceleration is {size:.3g} rad/s² RMS, of which noise makes {noise:.3g}",
+        f"the acceleration is {size:.3g} rad/s² RMS below {bandwidth:.3g} Hz, of which noise makes "
+        f"{share}",
         "Record a run that accelerates.",
     )
 

@@ -16,7 +16,7 @@ __all__ = ["EXCITED", "NO_TORSION", "Excited", "Finding", "Findings", "Severity"
 Severity = Literal["error", "fault", "note"]
 
 ORDER: tuple[Severity, ...] = ("error", "fault", "note")
-NO_TORSION = ("wrapped_angle", "motor_reversed", "gear_ratio")
+NO_TORSION = ("wrapped_angle", "motor_reversed", "gear_ratio", "position_unit", "position_scale")
 """Faults with which q Ñ − θ is hundreds of rad of nothing; of other targets they are warnings."""
 
 

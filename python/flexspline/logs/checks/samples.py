@@ -27,6 +27,8 @@ from flexspline.logs.splitting import GAP
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
 
+DROPPED = "dropped_samples"
+
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
 
@@ -165,7 +167,7 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
     yield Finding(
-        "dropped_samples",
+        DROPPED,
         "fault",
         "time",
         _span(long + 1),
@@ -173,7 +175,8 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         "rows",
         f"about {_rows(missing)} missing in {_counted(long.size, 'place')}, first before row "
         f"{long[0] + 1}; the longest step is {widest:.4g} s where {step:.4g} s is usual.",
-        "Nothing bridges a gap of more than 2.5 steps; resample=RATE closes shorter ones.",
+        "A fit takes the rows on either side of a gap of more than 2.5 steps apart and needs no "
+        "repair; the repair resample=Hz closes shorter ones.",
     )
 
 
@@ -321,7 +324,7 @@ def quantised(log: Log) -> Iterator[Finding]:
             step,
             unit,
             f"{channel} has steps of {step:.4g} {unit}, {reach / step:.0f} over its range.",
-            "Derivatives need a bandwidth that suits it (differentiate chooses one).",
+            "A fit chooses the bandwidth of its derivatives by these steps; nothing is to be done.",
         )
 
 
@@ -398,8 +401,11 @@ class Motion:
 
     def low_passed(self, values: Array) -> Array:
         """Columns with a row for each row of the motion, behind its low pass."""
-        fit = LocalFit(self.bandwidth)
-        return np.concatenate([fit.apply(self.time[a:b], values[a:b]) for a, b in self.ranges])
+        return _by_range(LocalFit(self.bandwidth), self.time, values, self.ranges)
+
+    def derivative(self, order: int, bandwidth: float) -> Array:
+        """Derivative of the position behind a low pass of another bandwidth [Hz]."""
+        return _by_range(LocalFit(bandwidth, order), self.time, self.position, self.ranges)
 
     def inside(self, margin: float) -> NDArray[np.bool_]:
         """Rows at least `margin` [s] away from the ends of their run, and not at its edge."""
@@ -439,12 +445,14 @@ def _derived(
     time: Array, position: Array, ranges: NDArray[np.intp], rows: NDArray[np.intp]
 ) -> Motion:
     bandwidth = min(default_bandwidth(time, position), 0.1 / median_step(time))
-    parts = [
-        [LocalFit(bandwidth, order).apply(time[a:b], position[a:b]) for a, b in ranges]
-        for order in (1, 2)
-    ]
-    velocity, acceleration = (np.concatenate(p) for p in parts)
+    velocity, acceleration = (
+        _by_range(LocalFit(bandwidth, order), time, position, ranges) for order in (1, 2)
+    )
     return Motion(time, position, velocity, acceleration, bandwidth, ranges, rows)
+
+
+def _by_range(fit: LocalFit, time: Array, values: Array, ranges: NDArray[np.intp]) -> Array:
+    return np.concatenate([fit.apply(time[a:b], values[a:b]) for a, b in ranges])
 
 
 def _usable_rows(log: Log) -> NDArray[np.intp]:

@@ -1,0 +1,101 @@
+"""Which of position, velocity and the other side's position has the wrong unit."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from checks_logs import sound_log
+
+from flexspline.logs import Log
+from flexspline.logs.checks import Finding, Findings, check
+from flexspline.logs.repairs import repaired
+
+SEED = 6
+DEGREES = 180.0 / np.pi
+SCALES = ("velocity_unit", "velocity_scale", "position_unit", "position_scale", "gear_ratio")
+
+
+def scaled(factors: dict[str, float], *, left_out: str = "") -> Log:
+    """The sound log 6 with its motor's velocity, and channels times these factors."""
+    log = sound_log(SEED)
+    columns = {name: log[name] for name in log.channels}
+    assert log.effective_ratio is not None
+    columns["motor_velocity"] = log["output_velocity"] * log.effective_ratio
+    columns.pop(left_out, None)
+    made = {name: column * factors.get(name, 1.0) for name, column in columns.items()}
+    return Log(made, log.facts)
+
+
+def of_scale(found: Findings) -> list[Finding]:
+    return [finding for name in SCALES for finding in found.named(name)]
+
+
+@pytest.mark.parametrize("factor", [DEGREES, 1 / DEGREES, 1000.0, 7.0])
+@pytest.mark.parametrize(
+    "channel", ["output_position", "output_velocity", "motor_position", "motor_velocity"]
+)
+def test_of_three_readings_the_one_that_differs_is_blamed(channel: str, factor: float) -> None:
+    log = scaled({channel: factor})
+    (finding,) = of_scale(check(log))
+    assert finding.channel == channel
+    assert finding.size == pytest.approx(factor, rel=0.01)
+    (asked,) = re.findall(r"repair (scale=\w+:[\d.e+-]+\d)", finding.remedy)
+    assert not check(repaired(log, asked)).faults
+
+
+@pytest.mark.parametrize("factor", [DEGREES, 1 / DEGREES])
+def test_of_two_readings_either_may_be_wrong(factor: float) -> None:
+    """Without a motor nothing tells whether a position or its velocity has the wrong unit."""
+    log = scaled({"output_position": factor}, left_out="motor_position")
+    (finding,) = of_scale(check(log))
+    said = {DEGREES: "output_position is in degrees", 1 / DEGREES: "it is in deg/s"}[factor]
+    assert said in finding.sentence
+    for channel in ("output_velocity", "output_position"):
+        (asked,) = re.findall(rf"scale={channel}:[\d.e+-]+\d", finding.remedy)
+        assert not check(repaired(log, asked)).faults
+
+
+def swing(amplitude: float, encoder: float, *, twist: float = 0.0, unit: float = 1.0) -> Log:
+    """A joint of ratio 100 that swings; `unit`: what its output encoder's numbers are scaled by."""
+    time = np.arange(6_000) / 500.0
+    angle = amplitude * np.sin(2 * np.pi * 0.3 * time)
+    motor = 100.0 * (angle + twist * np.sin(2 * np.pi * 0.3 * time + 0.4))
+    noise = np.random.default_rng(3).standard_normal
+    return Log.from_arrays(
+        time=time,
+        output_position=unit * (angle + encoder * noise(len(time))),
+        motor_position=motor + 0.001 * noise(len(time)),
+        motor_velocity=np.gradient(motor, time) + 0.05 * noise(len(time)),
+        facts={"gear_ratio": 100.0, "output_spline": "flex"},
+    )
+
+
+@pytest.mark.parametrize("unit", [1 / DEGREES, DEGREES, 0.01])
+def test_a_ratio_that_is_far_off_is_told_however_little_the_output_seems_to_move(
+    unit: float,
+) -> None:
+    (finding,) = check(swing(1.0, 1e-4, unit=unit)).named("gear_ratio")
+    assert finding.size == pytest.approx(100.0 / unit, rel=0.01)
+
+
+@pytest.mark.parametrize("unit", [1 / DEGREES, DEGREES])
+def test_degrees_have_the_repair_of_the_side_that_nothing_confirms_first(unit: float) -> None:
+    """The motor's velocity confirms its position, or both have the same wrong unit."""
+    log = swing(1.0, 1e-4, unit=unit)
+    (finding,) = of_scale(check(log))
+    assert finding.channel == "output_position"
+    first, also = finding.remedy.split("repair ")[1].rstrip(".").split(", or ")
+    assert re.match("scale=output_position:", first)
+    assert not check(repaired(log, first)).faults
+    assert not of_scale(check(repaired(log, also.split(" with "))))
+
+
+@pytest.mark.parametrize("amplitude", [0.0005, 0.002, 0.01, 0.02])
+@pytest.mark.parametrize("encoder", [1e-6, 1e-4, 1e-3])
+@pytest.mark.parametrize("twist", [0.0, 0.004])
+def test_a_run_that_hardly_moves_says_nothing_of_its_ratio(
+    amplitude: float, encoder: float, twist: float
+) -> None:
+    assert not of_scale(check(swing(amplitude, encoder, twist=twist)))
