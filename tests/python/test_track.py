@@ -90,6 +90,27 @@ def test_wear_is_told_as_gradual_with_its_limit_in_an_interval() -> None:
     assert ("reaches" if forecast.date else "may reach") in forecast.sentence
 
 
+@pytest.mark.parametrize("count", [LEAST_SESSIONS, LEAST_SESSIONS + 1])
+def test_of_the_fewest_sessions_level_band_limit_and_verdict_follow_the_change(count: int) -> None:
+    """Wear of 1 Nm a week: level, band and limit are of the change that is told."""
+    worn = {COULOMB: ramp(0, 521.8)}
+    made = track(
+        worn_history(2, count, worn=worn, temperature=np.full(count, 22.0)),
+        limits={COULOMB: "290%"},
+    )
+    laws(made)
+    (change,) = made.changes
+    own = made[COULOMB]
+    assert own.now[0] - own.at_first[0] == pytest.approx(change.size, abs=change.error)
+    band = own.band.middle
+    assert band[0] == pytest.approx(own.at_first[0], abs=own.at_first[1])
+    assert np.ptp(band) > 0.9 * change.size
+    assert change.needs in made.verdict
+    (forecast,) = made.forecasts
+    assert forecast.limit == pytest.approx(2.9 * LEVELS[0], rel=0.05)
+    assert forecast.date is not None and week(9) <= forecast.date <= week(11)
+
+
 def test_a_limit_far_away_has_no_date_and_one_that_is_passed_says_so() -> None:
     history = worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)})
     far, passed, still = (

@@ -174,7 +174,7 @@ def _course(history: History, p: int, told: Sequence[Told]) -> Posterior | None:
         return None
     rng = np.random.default_rng([p, len(series.days)])
     own = [each for each in told if _is_of(history, p, each)]
-    if not own or len(series.days) < LEAST_SESSIONS + len(own):
+    if not own:
         return _plain(series, rng)
     last = max(own, key=lambda each: each.shape.start)
     beside = series.beside(*(each.shape for each in own if each is not last))
