@@ -123,6 +123,24 @@ def test_a_limit_far_away_has_no_date_and_one_that_is_passed_says_so() -> None:
     assert all(f.date is None and f.within_95 == (None, None) for f in (far, passed, still))
 
 
+def test_a_limit_below_the_level_at_first_is_a_lower_one_and_says_so() -> None:
+    grown = worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)})
+    fallen = worn_history(2, 100, worn={COULOMB: ramp(40, -8.0)})
+    (grown_away,) = track(grown, limits={COULOMB: 0.5 * LEVELS[0]}).forecasts
+    assert grown_away.lower and grown_away.date is None
+    assert "lower limit of 2.5 Nm" in grown_away.sentence
+    assert "an upper one would be exceeded already" in grown_away.sentence
+    (passed,) = track(fallen, limits={COULOMB: LEVELS[0] - 0.3}).forecasts
+    assert passed.lower and "beyond it already" in passed.sentence
+    assert "upper one" not in passed.sentence
+    (ahead,) = track(fallen, limits={COULOMB: LEVELS[0] - 1.5}).forecasts
+    assert ahead.lower and ahead.within_95[0] is not None
+    assert "its lower limit of 3.5 Nm" in ahead.sentence and "upper one" not in ahead.sentence
+    made = track(grown, limits={COULOMB: LEVELS[0] + 1.5})
+    assert not made.forecasts[0].lower and "lower" not in made.forecasts[0].sentence
+    assert json.loads(made.to_json())["forecasts"][0]["lower"] is False
+
+
 def test_a_limit_is_also_a_share_of_the_level_at_first() -> None:
     made = track(worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)}), limits={COULOMB: "120%"})
     assert made.forecasts[0].limit == pytest.approx(1.2 * made[COULOMB].at_first[0], rel=0.01)
@@ -358,6 +376,16 @@ def test_after_a_service_a_joint_begins_anew() -> None:
 def test_a_wrong_call_is_refused_in_a_sentence(wrong: dict, said: str) -> None:
     with pytest.raises(InputError, match=said):
         track(worn_history(1, 10), **wrong)
+
+
+def test_an_unknown_limit_names_each_parameter_once_and_none_that_has_no_limit() -> None:
+    history = grown_order(1.0).history
+    given = worn_history(8, 80, names=("output_ripple.cosine 2", "output_ripple.sine 2", OFFSET))
+    with pytest.raises(InputError) as refused:
+        track(given, limits={"backlash": 1.0})
+    said = str(refused.value)
+    assert all(said.count(name) == 1 for name in history.names)
+    assert "cosine" not in said
 
 
 def test_a_history_that_is_none_is_refused() -> None:

@@ -93,7 +93,8 @@ def track(
     history : estimates of the joint's parameters over calendar time: of `history_of` (models or
         runs), or made of arrays.
     limits : {"coulomb_friction": 0.5}: values that a parameter must not pass, in its unit, or
-        "150%" of its level at first. Each gets a date, or the reason why it has none.
+        "150%" of its level at first. One below the level at first is a lower limit, any other an
+        upper one. Each gets a date, or the reason why it has none.
     horizon : years behind the last session, as far as a limit is looked for.
 
     Returns
@@ -113,7 +114,7 @@ def track(
     if not 0.0 < horizon <= MOST_HORIZON:
         raise InputError(f"the horizon is {horizon} years; give one above 0 and at most 50")
     turned = history.turned()
-    limited = _limits(limits or {}, history, turned)
+    limited = _limits(limits or {}, turned)
     told = detected(turned)
     changes = sorted((_change(turned, each) for each in told), key=lambda c: c.date)
     courses = [_course(turned, p, told) for p in range(len(turned.names))]
@@ -138,13 +139,11 @@ def track(
     )
 
 
-def _limits(
-    given: Mapping[str, float | str], history: History, turned: History
-) -> list[tuple[int, float, bool]]:
+def _limits(given: Mapping[str, float | str], turned: History) -> list[tuple[int, float, bool]]:
     """Of each limit: the parameter's number, the value, and whether that is a share."""
     found = []
     for name, value in given.items():
-        at = resolve(name, turned.names, f"the limit of {name}", history.names)
+        at = resolve(name, turned.names, f"the limit of {name}")
         share = PERCENT.fullmatch(value) if isinstance(value, str) else None
         try:
             limit = float(share[1]) / 100.0 if share else float(value)
@@ -328,10 +327,11 @@ def _forecast(
 ) -> Forecast:
     """When a parameter reaches a limit."""
     name, unit = history.names[p], history.units[p]
+    lower = course is not None and limit < float(np.median(course.course(np.zeros(1))))
 
     def none(why: str, now: tuple[float, float], chance: float = 0.0) -> Forecast:
         return Forecast(
-            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, why
+            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, lower, why
         )
 
     if course is None:
@@ -340,8 +340,7 @@ def _forecast(
     ahead = last + np.arange(0, math.ceil(horizon * STEPS_A_YEAR) + 1) * YEAR / STEPS_A_YEAR
     levels = course.course(ahead)
     now = (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0])))
-    upward = limit >= float(np.median(course.course(np.zeros(1))))
-    beyond = levels >= limit if upward else levels <= limit
+    beyond = levels <= limit if lower else levels >= limit
     if np.mean(beyond[:, 0]) >= 0.975:
         return none("it is beyond it already", now, 1.0)
     if state == NOT_KNOWN:
@@ -360,8 +359,9 @@ def _forecast(
     if early_95 is None:
         return none(f"not within {horizon:g} years (97.5 %)", now, chance)
     return Forecast(
-        name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon
-    )
+        name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon,
+        lower,
+    )  # fmt: skip
 
 
 def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> list[str]:

@@ -43,6 +43,10 @@ Interval = tuple[datetime, datetime]
 MOST_RELATIVE = 3.0  # times the level before; beyond, that level was hardly there
 
 DIFFERENT = 2.0  # standard errors by which a level is another than at first
+AS_UPPER = (
+    " It is taken for a lower limit, for the level at first lies above it; an upper one would be "
+    "exceeded already."
+)
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
 FORMAT = "flexspline-track"
@@ -211,6 +215,7 @@ class Forecast:
     date : median; None where it is not told that it will be reached.
     within_80, within_95 : intervals; None as an end: not within the horizon, perhaps never.
     horizon : years.
+    lower : whether it must not fall below the limit: the level at first lies above it.
     why_none : why there is no date, or "".
     """
 
@@ -223,22 +228,26 @@ class Forecast:
     within_80: tuple[datetime | None, datetime | None]
     within_95: tuple[datetime | None, datetime | None]
     horizon: float
+    lower: bool = False
     why_none: str = ""
 
     @property
     def sentence(self) -> str:
         """When, or why no date is given."""
-        name, limit = spoken(self.parameter), in_unit(short(self.limit, 4), self.unit)
+        name = spoken(self.parameter)
+        limit = f"limit of {in_unit(short(self.limit, 4), self.unit)}"
+        limit = f"lower {limit}" if self.lower else limit
         now = f"now {in_unit(plus_minus(*self.now), self.unit)}"
         if self.why_none:
-            return f"{name} and its limit of {limit}, {now}: {self.why_none}."
+            said = f"{name} and its {limit}, {now}: {self.why_none}."
+            return said + (AS_UPPER if self.lower and self.now[0] > self.limit else "")
         first, last = self.within_95
         assert first is not None
         if last is None:
             when = "may reach" if self.date is None else "reaches"
             about = "" if self.date is None else f" about {day(self.date)},"
             return (
-                f"{name} {when} its limit of {limit}{about} not before {day(first)} (97.5 %), "
+                f"{name} {when} its {limit}{about} not before {day(first)} (97.5 %), "
                 f"within {self.horizon:g} years with a probability of {_percent(self.chance)}; "
                 f"{now}."
             )
@@ -246,7 +255,7 @@ class Forecast:
         early, late = self.within_80
         inner = "" if early is None or late is None else f"80 % {day(early)} to {day(late)}, "
         return (
-            f"{name} reaches its limit of {limit} about {day(self.date)} ({inner}95 % {day(first)} "
+            f"{name} reaches its {limit} about {day(self.date)} ({inner}95 % {day(first)} "
             f"to {day(last)}); {now}."
         )
 
