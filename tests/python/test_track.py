@@ -204,6 +204,14 @@ def test_two_causes_are_two_changes() -> None:
     assert [c.date for c in made.changes] == sorted(c.date for c in made.changes)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_two_causes_of_one_day_are_two_changes(seed: int) -> None:
+    """The one that is known is not blamed once more for what it does not explain."""
+    made = track(worn_history(seed, worn={COULOMB: step(50, 20.0), OFFSET: step(50, 10.0)}))
+    laws(made)
+    assert sorted(c.causes for c in made.changes) == [(COULOMB,), (OFFSET,)]
+
+
 def test_a_single_session_is_an_accident_and_no_change() -> None:
     history = worn_history(7)
     values = history.values.copy()
