@@ -281,6 +281,32 @@ def test_of_few_sessions_nothing_is_known_yet(count: int) -> None:
     assert made.forecasts[0].date is None
 
 
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_the_error_of_few_sessions_is_that_of_how_they_differ(count: int) -> None:
+    """They differ by seven of their measured errors; two of three levels are within the error."""
+    within = []
+    for seed in range(20):
+        history = worn_history(seed, count, per_kelvin=0.0)
+        made = track(replace(history, covariance=0.04 * history.covariance))
+        laws(made)
+        for parameter, truth in zip(made.parameters, LEVELS, strict=True):
+            assert parameter.now[0] == pytest.approx(np.median(parameter.band.middle))
+            within.append(abs(parameter.now[0] - truth) < parameter.now[1])
+    assert np.mean(within) > 0.55  # of 60; 0.68 less two standard errors
+
+
+def test_two_sessions_leave_open_what_temperature_makes() -> None:
+    """0.30 and 0.36 at 15 °C and 32 °C, each with an error of 0.0005."""
+    history = worn_history(1, 2, temperature=np.array([15.0, 32.0]))
+    values = np.repeat([[0.30], [0.36]], 3, axis=1)
+    (own, *_) = track(
+        replace(history, values=values, covariance=np.full((2, 3), 0.0005))
+    ).parameters
+    assert own.now[0] == pytest.approx(0.33, abs=0.01)
+    assert own.now[1] > 0.03 and own.at_first[1] > 0.03
+    assert np.isnan(own.by_temperature).all()
+
+
 @pytest.mark.parametrize(("count", "said"), [(LEAST_SESSIONS, True), (LEAST_SESSIONS - 1, False)])
 def test_of_enough_sessions_it_is_said_that_temperature_rose_over_them(
     count: int, said: bool

@@ -31,6 +31,7 @@ from flexspline.tracking.changes import (
     evidence_over_time,
     posterior_of,
     threshold,
+    value_of,
 )
 from flexspline.tracking.history import DAY, History, cause_of, history_of
 from flexspline.tracking.result import (
@@ -269,24 +270,22 @@ def _parameter(
             history.values[:, p], nothing, Band(dates, empty, empty, empty),
         )  # fmt: skip
     series, at = history.series(np.eye(len(history.names))[p])
-    levels, now = course.course(days), course.course(history.days[-1:])
+    levels = course.course(days)
     low, middle, high = np.percentile(levels, [INTERVAL[0], 50.0, INTERVAL[1]], axis=0)
     corrected = nothing.copy()
     corrected[at] = series.values - course.thermal()
     left = corrected[at] - np.median(course.course(series.days), axis=0)
     measured = float(np.sqrt(np.median(series.variances)))
     spread = 1.4826 * float(np.median(np.abs(left)))
-    by_warmth = course.by_temperature[:, 0] / 10.0 if course.by_temperature.size else None
+    warm = course.by_temperature.size > 0
     return TrackedParameter(
         name,
         unit,
         state,
         len(at),
-        (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0]))),
-        (float(np.mean(now)), float(np.std(now))),
-        (math.nan, math.nan)
-        if by_warmth is None
-        else (float(np.mean(by_warmth)), float(np.std(by_warmth))),
+        value_of(levels[:, 0]),
+        value_of(course.course(history.days[-1:])[:, 0]),
+        value_of(course.by_temperature[:, 0] / 10.0) if warm else (math.nan, math.nan),
         float(np.sqrt(max(spread**2 - measured**2, 0.0))),
         measured,
         _least(history, p, series),
@@ -339,7 +338,7 @@ def _forecast(
     last = float(history.days[-1])
     ahead = last + np.arange(0, math.ceil(horizon * STEPS_A_YEAR) + 1) * YEAR / STEPS_A_YEAR
     levels = course.course(ahead)
-    now = (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0])))
+    now = value_of(levels[:, 0])
     beyond = levels <= limit if lower else levels >= limit
     if np.mean(beyond[:, 0]) >= 0.975:
         return none("it is beyond it already", now, 1.0)

@@ -64,6 +64,7 @@ __all__ = [
     "evidence_over_time",
     "posterior_of",
     "threshold",
+    "value_of",
 ]
 
 Array = NDArray[np.float64]
@@ -92,6 +93,7 @@ AFTER: Final = 2  # sessions from a change on: one alone is an accident
 MOST_ONSETS: Final = 200  # of longer histories every second session, or fewer, may be an onset
 FAR: Final = 1.5  # of the typical distance of neighbours: 2.1 standard errors of white noise
 LEAST_SPAN: Final = 1.0  # K; within it temperature moves nothing that could be told
+WARM_FROM: Final = 3  # sessions from which temperature is fitted: two would leave nothing over
 BENDS_FROM: Final = 26  # sessions from which a bend over temperature is fitted as well: half a year
 
 
@@ -171,10 +173,12 @@ class Series:
     @cached_property
     def covariates(self) -> Array:
         """(S, K): one, temperature and its square where there is one, changes that are known."""
-        columns = [np.ones(len(self.days))]
-        if self.temperatures is not None and np.ptp(self.temperatures) > LEAST_SPAN:
-            above = (self.temperatures - self.reference) / 10.0
-            columns += [above, above**2] if len(self.days) >= BENDS_FROM else [above]
+        count = len(self.days)
+        columns = [np.ones(count)]
+        warm = self.temperatures if count >= WARM_FROM else None
+        if warm is not None and np.ptp(warm) > LEAST_SPAN:
+            above = (warm - self.reference) / 10.0
+            columns += [above, above**2] if count >= BENDS_FROM else [above]
         return np.column_stack([*columns, *(shape.of(self.days) for shape in self.known)])
 
     @property
@@ -412,6 +416,16 @@ class Posterior:
         """(S,) what temperature made of each session, the mean of all draws."""
         columns = self.series.covariates[:, 1 : 1 + self.by_temperature.shape[1]]
         return np.asarray(columns @ self.by_temperature.mean(axis=0))
+
+
+def value_of(draws: Array) -> tuple[float, float]:
+    """Return the median of draws (N,) and half of their 68 %.
+
+    Of a normal distribution these are mean and standard deviation; those of few sessions have
+    tails, with which neither is known.
+    """
+    low, middle, high = np.percentile(draws, [15.865, 50.0, 84.135])
+    return float(middle), float(high - low) / 2.0
 
 
 def posterior_of(

@@ -76,7 +76,8 @@ class TrackedParameter:
     name, unit : "effect.term"; of an order amplitude and quadrature, see `History`.
     state : "not known yet", "no change told", "changed" or "may have changed".
     sessions : that tell it.
-    at_first, now : level at the reference temperature, with its standard error.
+    at_first, now : level at the reference temperature, with its standard error: median, and half of
+        the 68 % interval.
     by_temperature : per K at the reference temperature, with its error; NaN where that is not
         accounted for.
     between_sessions : standard deviation from session to session once all else is taken out.
