@@ -212,6 +212,22 @@ def test_two_causes_of_one_day_are_two_changes(seed: int) -> None:
     assert sorted(c.causes for c in made.changes) == [(COULOMB,), (OFFSET,)]
 
 
+@pytest.mark.parametrize("size", [8.0, 200.0])
+def test_a_step_far_beyond_the_noise_began_before_the_session_that_reads_it(size: float) -> None:
+    """The date lies between the two sessions on its sides, of that day at last, as in 95 %."""
+    within = []
+    for onset in np.linspace(50.02, 50.98, 25):
+        (change,) = track(worn_history(1, worn={COULOMB: step(onset, size)})).changes
+        assert week(50) <= change.between[0] < change.between[1] <= week(51 + 1 / 7)
+        within.append(change.between[0] <= week(onset) <= change.between[1])
+    assert np.mean(within) > 0.9
+
+
+def test_a_step_near_the_noise_may_have_begun_behind_the_session_that_reads_it() -> None:
+    (change,) = track(worn_history(1, worn={COULOMB: step(50, 3.0)})).changes
+    assert change.between[1] > week(50 + 1 / 7)
+
+
 def test_a_single_session_is_an_accident_and_no_change() -> None:
     history = worn_history(7)
     values = history.values.copy()
