@@ -331,6 +331,27 @@ def test_of_enough_sessions_it_is_said_that_temperature_rose_over_them(
     assert any("Temperature rose over these sessions" in r for r in made.remarks) == said
 
 
+@pytest.mark.parametrize(("count", "told"), [(1, False), (2, False), (3, True), (60, True)])
+def test_the_temperature_of_levels_is_told_where_it_is_accounted_for(
+    count: int, told: bool
+) -> None:
+    made = track(worn_history(9, count))
+    warm = float(np.median(made.history.temperatures))
+    assert np.isfinite(made.reference) == told
+    assert (f"Levels are those at {warm:.1f} °C" in str(made)) == told
+    assert (f"Levels are those at {warm:.1f} °C" in made._repr_html_()) == told
+    assert any("Temperature is not accounted for" in r for r in made.remarks) != told
+
+
+def test_sessions_of_one_day_are_of_that_day() -> None:
+    history = worn_history(9, 3)
+    (one, *_) = history.dates
+    assert "(3 sessions, 2026-01-05 to 2026-01-19)" in track(history).verdict
+    same = replace(history, dates=np.full(3, one))
+    assert "(3 sessions, 2026-01-05)" in track(same).verdict
+    assert "(1 session, 2026-01-05)" in track(worn_history(9, 1)).verdict
+
+
 def test_a_bad_day_is_followed_as_a_good_one(recwarn: pytest.WarningsRecorder) -> None:
     """Sessions that are not told, on one day, months apart, without temperature."""
     history = worn_history(10, 90, worn={COULOMB: step(60, 4.0)})

@@ -207,6 +207,7 @@ def test_figure_and_report_hold_together(tmp_path: Path) -> None:
     made.report(tmp_path / "report.html")
     assert page_faults(tmp_path / "report.html") == []
     page = (tmp_path / "report.html").read_text()
+    assert f"Levels are those at {made.reference:.1f}\N{NO-BREAK SPACE}°C" in page
     for sentence in made.sentences:
         assert sentence[:20] in page
     assert made.to_frame().loc[NAMES[0], "state"] == "changed"

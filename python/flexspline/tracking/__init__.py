@@ -23,6 +23,7 @@ from flexspline.tracking.changes import (
     LEAST_SESSIONS,
     SHAPES,
     STEP,
+    WARM_FROM,
     YEAR,
     Candidates,
     Posterior,
@@ -129,7 +130,8 @@ def track(
         for p in range(len(turned.names))
     )
     warm = turned.knows_temperature
-    reference = math.nan if warm is None else float(np.median(turned.temperatures[warm]))
+    accounted = warm is not None and warm.sum() >= WARM_FROM
+    reference = float(np.median(turned.temperatures[warm])) if accounted else math.nan
     return Track(
         turned,
         parameters,
@@ -373,7 +375,11 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
             f"Temperature is not accounted for: {some} of {len(history)} sessions tell it. What it "
             "makes of friction looks like wear, or hides it."
         )
-    elif not known.all():
+    elif known.sum() < WARM_FROM:
+        said.append(
+            f"Temperature is not accounted for: what it makes is told of {WARM_FROM} sessions on."
+        )
+    if known is not None and not known.all():
         said.append(f"{int((~known).sum())} sessions of unknown temperature are left out.")
     gaps = np.diff(history.days)
     if len(gaps) and gaps.max() > 60.0:

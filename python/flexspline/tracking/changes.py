@@ -55,6 +55,7 @@ __all__ = [
     "NOISES",
     "SHAPES",
     "STEP",
+    "WARM_FROM",
     "YEAR",
     "Candidates",
     "Posterior",

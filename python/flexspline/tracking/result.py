@@ -35,7 +35,17 @@ if TYPE_CHECKING:
 
     from flexspline.tracking.history import History
 
-__all__ = ["Band", "Change", "Forecast", "Track", "TrackedParameter", "day", "in_unit", "spoken"]
+__all__ = [
+    "Band",
+    "Change",
+    "Forecast",
+    "Track",
+    "TrackedParameter",
+    "day",
+    "days_of",
+    "in_unit",
+    "spoken",
+]
 
 Array = NDArray[np.float64]
 Interval = tuple[datetime, datetime]
@@ -308,12 +318,11 @@ class Track(Rendered):
         """What there is to decide, in a sentence or two."""
         joint = self.history.joint or "The joint"
         count = len(self.history)
-        first, last = (day(self.history.dates[k].astype(datetime)) for k in (0, -1))
-        span = f"{count} session{'s' if count > 1 else ''}, {first} to {last}"
+        span = f"{count} session{'s' if count > 1 else ''}, {days_of(self.history.dates)}"
         if not self.known:
             return (
-                f"{joint}: not known yet. {span}; no change can be told of fewer than "
-                f"{LEAST_SESSIONS} sessions that tell a parameter."
+                f"{joint}: whether it changed is not known yet ({span}); no change can be told of "
+                f"fewer than {LEAST_SESSIONS} sessions that tell a parameter."
             )
         if not self.changes:
             return f"{joint}: no change is told ({span})."
@@ -322,6 +331,13 @@ class Track(Rendered):
         needs = list(dict.fromkeys(c.needs for c in lasting))
         what = f"{told} change{'s' if told > 1 else ''} told ({span})"
         return f"{joint}: {what}." + (f" It needs {_and(needs)}." if needs else "")
+
+    @property
+    def levels(self) -> list[str]:
+        """At which temperature levels are told, where that is accounted for."""
+        if not np.isfinite(self.reference):
+            return []
+        return [f"Levels are those at {self.reference:.1f} °C, the median of the sessions."]
 
     @property
     def sentences(self) -> list[str]:
@@ -411,6 +427,14 @@ class Track(Rendered):
 def day(when: datetime) -> str:
     """Return a date as 2027-03-14."""
     return when.strftime("%Y-%m-%d")
+
+
+def days_of(dates: NDArray[np.datetime64]) -> str:
+    """Return the first and the last of dates, or the one day that they are of."""
+    first, last = (
+        day(each.astype("datetime64[s]").astype(datetime)) for each in (dates.min(), dates.max())
+    )
+    return first if first == last else f"{first} to {last}"
 
 
 def _goes_on(change: Change) -> bool:
