@@ -84,6 +84,14 @@ def test_held_out_runs_judge_separate_fits_drawn_values_and_the_mean(made: Fleet
     assert held is not None and len(held.runs) == 10  # of joints with two runs
     assert held.separate < 0.05 and held.shrunken < 1.05 * held.separate < held.mean
     assert held.worst[0].endswith("run2")
+    said = " ".join(str(made).split())
+    assert "what a fit to the run itself leaves is taken off" in said
+    assert f"Worst given the fleet is {held.worst[0]}: " in said
+
+
+def test_a_reason_that_ends_with_a_full_stop_gets_no_second_one(made: FleetFit) -> None:
+    text = str(replace(made, failed=(("a/b", "b: repair it."), ("a/c", "c: is empty"))))
+    assert "Left out: a/b: b: repair it.\nLeft out: a/c: c: is empty.\n" in f"{text}\n"
 
 
 def test_short_logs_are_told_better_by_the_fleet_than_by_themselves(tmp_path: Path) -> None:

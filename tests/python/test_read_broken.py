@@ -74,6 +74,7 @@ FILES: list[tuple[str, Callable[[Path], object], dict[str, Any], str]] = [
     ),
     ("no_map.csv", write("0,1\n1,2\n"), {}, "columns without names; say which is which"),
     ("strange.csv", write("t,q\n0,1\n1,2\n"), {}, "names t, q that are no channels; say which is"),
+    ("strange.csv", write("t,q\n0,1\n1,2\n"), {}, "a column map .flexspline init guesses one."),
     (
         "letter.csv",
         write("# a: 1\ntime,q\n0,1\n\n1,x7\n"),

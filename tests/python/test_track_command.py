@@ -175,6 +175,17 @@ def test_models_of_two_joints_are_not_one(tmp_path: Path) -> None:
         history_of(paths)
 
 
+def test_runs_of_another_gear_than_the_model_are_refused_as_predict_does(tmp_path: Path) -> None:
+    (path,) = write_models(tmp_path, 1)
+    other = replace(Model.load(path), facts={"gear_ratio": 100, "output_spline": "circular"})
+    log = runs()[0].with_facts({"gear_ratio": 100, "output_spline": "flex"})
+    with pytest.raises(InputError, match=r"output_spline = circular, .* of one joint") as predicted:
+        other.predict(log)
+    with pytest.raises(InputError) as tracked:
+        history_of(log, model=other)
+    assert str(tracked.value) == str(predicted.value)
+
+
 def test_shapes_that_differ_between_models_are_told(tmp_path: Path) -> None:
     paths = []
     for week, width in enumerate((0.05, 0.09)):
@@ -196,6 +207,7 @@ def test_figure_and_report_hold_together(tmp_path: Path) -> None:
     made.report(tmp_path / "report.html")
     assert page_faults(tmp_path / "report.html") == []
     page = (tmp_path / "report.html").read_text()
+    assert f"Levels are those at {made.reference:.1f}\N{NO-BREAK SPACE}°C" in page
     for sentence in made.sentences:
         assert sentence[:20] in page
     assert made.to_frame().loc[NAMES[0], "state"] == "changed"

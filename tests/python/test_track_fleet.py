@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -61,6 +62,10 @@ def test_the_joint_that_changed_is_found_with_cause_and_date() -> None:
     row = made.to_frame().iloc[0]
     assert (row["joint"], row["cause"], row["unit"]) == ("joint2", "coulomb_friction", "Nm")
     assert "joint2 changed, 2 are quiet" in str(made)
+    fewer = replace(made, tracks={name: made.tracks[name] for name in ("joint1", "joint2")})
+    assert "joint2 changed, 1 is quiet" in str(fewer)
+    alone = replace(made, tracks={"joint1": made.tracks["joint1"]})
+    assert "1 joint, " in str(alone)
 
 
 def test_two_workers_that_are_started_once_give_the_same_numbers(

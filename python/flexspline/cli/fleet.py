@@ -82,7 +82,7 @@ limits = named_values(
     example="NAME=VALUE or NAME=150%",
     parse=_limit,
     says="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
-    "gets there is told. Can be repeated.",
+    "gets there is told. One below the level at first is a lower limit. Can be repeated.",
 )
 horizon = click.option(
     "--horizon",

@@ -151,8 +151,8 @@ def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str,
             else "columns without names"
         )
         raise InputError(
-            f"{table.label}: has {what}; "
-            "say which is which with columns={'output_position': ('q', 'deg'), ...}"
+            f"{table.label}: has {what}; say which is which with a column map (flexspline init "
+            "guesses one), or with columns={'output_position': ('q', 'deg'), ...}"
         )
     return chosen
 

@@ -387,9 +387,10 @@ def _held_sentences(made: FleetFit) -> list[str]:
     label, separate, shrunken, mean = held.worst
     unit = made.plan.unit
     return [
-        f"On {len(held.runs)} held-out runs the model errs by {padded(held.separate)} {unit} with "
-        f"each joint's own fit, {padded(held.shrunken)} {unit} given the fleet, "
-        f"{padded(held.mean)} {unit} with the fleet's mean; worst {label}: {padded(separate)}, "
+        f"On {len(held.runs)} held-out runs the model alone errs by {padded(held.separate)} {unit} "
+        f"with each joint's own fit, {padded(held.shrunken)} {unit} given the fleet, "
+        f"{padded(held.mean)} {unit} with the fleet's mean (RMS; what a fit to the run itself "
+        f"leaves is taken off). Worst given the fleet is {label}: {padded(separate)}, "
         f"{padded(shrunken)}, {padded(mean)} {unit}."
     ]
 
@@ -411,7 +412,7 @@ def _held_section(made: FleetFit) -> list[Section]:
 
 def _left_sentences(made: FleetFit, short_list: bool = True) -> list[str]:
     most = MOST_SHOWN if short_list else len(made.failed)
-    said = [f"Left out: {what}: {why}." for what, why in made.failed[:most]]
+    said = _failed(made.failed[:most], ())
     rest = len(made.failed) - most
     return [*said, *([f"… and {rest} more left out."] if rest > 0 else []), *made.remarks]
 
@@ -718,4 +719,4 @@ def _as_html(made: FleetResult, said: Sequence[str], rows: Sequence[Row]) -> str
 
 
 def _failed(failed: Sequence[tuple[str, str]], remarks: Sequence[str]) -> list[str]:
-    return [*(f"Left out: {what}: {why}." for what, why in failed), *remarks]
+    return [*(f"Left out: {what}: {why.rstrip('.')}." for what, why in failed), *remarks]

@@ -27,14 +27,15 @@ def track_text(made: Track) -> str:
     said = [line for sentence in made.sentences for line in wrapped(sentence, "- ", "  ")]
     notes = [line for sentence in made.remarks for line in wrapped(sentence, "- ", "  ")]
     table = [row[:-1] for row in parameter_rows(made)]  # a line of a terminal has less room
-    blocks = [wrapped(made.verdict), said, [rows_text(table, (0, 1))], notes]
+    blocks = [wrapped(made.verdict), said, [rows_text(table, (0, 1)), *made.levels], notes]
     return "\n\n".join("\n".join(printable(line) if k != 2 else line for line in block)
                        for k, block in enumerate(blocks) if block)  # fmt: skip
 
 
 def track_html(made: Track) -> str:
     """Return a track as a fragment of HTML without scripts, for notebooks."""
-    return table_html(made.verdict, parameter_rows(made), [*made.sentences, *made.remarks])
+    said = [*made.sentences, *made.levels, *made.remarks]
+    return table_html(made.verdict, parameter_rows(made), said)
 
 
 @own_style()
@@ -56,6 +57,7 @@ def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
         critical=bool(made.changes),
         sentences=made.sentences,
         parameters=parameter_rows(made),
+        levels=made.levels,
         figures=[drawn(panel) for panel in panels(made)],
         look=LOOK,
         remarks=made.remarks,

@@ -23,6 +23,7 @@ from flexspline.tracking.changes import (
     LEAST_SESSIONS,
     SHAPES,
     STEP,
+    WARM_FROM,
     YEAR,
     Candidates,
     Posterior,
@@ -31,6 +32,7 @@ from flexspline.tracking.changes import (
     evidence_over_time,
     posterior_of,
     threshold,
+    value_of,
 )
 from flexspline.tracking.history import DAY, History, cause_of, history_of
 from flexspline.tracking.result import (
@@ -93,7 +95,8 @@ def track(
     history : estimates of the joint's parameters over calendar time: of `history_of` (models or
         runs), or made of arrays.
     limits : {"coulomb_friction": 0.5}: values that a parameter must not pass, in its unit, or
-        "150%" of its level at first. Each gets a date, or the reason why it has none.
+        "150%" of its level at first. One below the level at first is a lower limit, any other an
+        upper one. Each gets a date, or the reason why it has none.
     horizon : years behind the last session, as far as a limit is looked for.
 
     Returns
@@ -113,7 +116,7 @@ def track(
     if not 0.0 < horizon <= MOST_HORIZON:
         raise InputError(f"the horizon is {horizon} years; give one above 0 and at most 50")
     turned = history.turned()
-    limited = _limits(limits or {}, history, turned)
+    limited = _limits(limits or {}, turned)
     told = detected(turned)
     changes = sorted((_change(turned, each) for each in told), key=lambda c: c.date)
     courses = [_course(turned, p, told) for p in range(len(turned.names))]
@@ -127,7 +130,8 @@ def track(
         for p in range(len(turned.names))
     )
     warm = turned.knows_temperature
-    reference = math.nan if warm is None else float(np.median(turned.temperatures[warm]))
+    accounted = warm is not None and warm.sum() >= WARM_FROM
+    reference = float(np.median(turned.temperatures[warm])) if accounted else math.nan
     return Track(
         turned,
         parameters,
@@ -138,13 +142,11 @@ def track(
     )
 
 
-def _limits(
-    given: Mapping[str, float | str], history: History, turned: History
-) -> list[tuple[int, float, bool]]:
+def _limits(given: Mapping[str, float | str], turned: History) -> list[tuple[int, float, bool]]:
     """Of each limit: the parameter's number, the value, and whether that is a share."""
     found = []
     for name, value in given.items():
-        at = resolve(name, turned.names, f"the limit of {name}", history.names)
+        at = resolve(name, turned.names, f"the limit of {name}")
         share = PERCENT.fullmatch(value) if isinstance(value, str) else None
         try:
             limit = float(share[1]) / 100.0 if share else float(value)
@@ -174,7 +176,7 @@ def _course(history: History, p: int, told: Sequence[Told]) -> Posterior | None:
         return None
     rng = np.random.default_rng([p, len(series.days)])
     own = [each for each in told if _is_of(history, p, each)]
-    if not own or len(series.days) < LEAST_SESSIONS + len(own):
+    if not own:
         return _plain(series, rng)
     last = max(own, key=lambda each: each.shape.start)
     beside = series.beside(*(each.shape for each in own if each is not last))
@@ -270,24 +272,22 @@ def _parameter(
             history.values[:, p], nothing, Band(dates, empty, empty, empty),
         )  # fmt: skip
     series, at = history.series(np.eye(len(history.names))[p])
-    levels, now = course.course(days), course.course(history.days[-1:])
+    levels = course.course(days)
     low, middle, high = np.percentile(levels, [INTERVAL[0], 50.0, INTERVAL[1]], axis=0)
     corrected = nothing.copy()
     corrected[at] = series.values - course.thermal()
     left = corrected[at] - np.median(course.course(series.days), axis=0)
     measured = float(np.sqrt(np.median(series.variances)))
     spread = 1.4826 * float(np.median(np.abs(left)))
-    by_warmth = course.by_temperature[:, 0] / 10.0 if course.by_temperature.size else None
+    warm = course.by_temperature.size > 0
     return TrackedParameter(
         name,
         unit,
         state,
         len(at),
-        (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0]))),
-        (float(np.mean(now)), float(np.std(now))),
-        (math.nan, math.nan)
-        if by_warmth is None
-        else (float(np.mean(by_warmth)), float(np.std(by_warmth))),
+        value_of(levels[:, 0]),
+        value_of(course.course(history.days[-1:])[:, 0]),
+        value_of(course.by_temperature[:, 0] / 10.0) if warm else (math.nan, math.nan),
         float(np.sqrt(max(spread**2 - measured**2, 0.0))),
         measured,
         _least(history, p, series),
@@ -328,10 +328,11 @@ def _forecast(
 ) -> Forecast:
     """When a parameter reaches a limit."""
     name, unit = history.names[p], history.units[p]
+    lower = course is not None and limit < float(np.median(course.course(np.zeros(1))))
 
     def none(why: str, now: tuple[float, float], chance: float = 0.0) -> Forecast:
         return Forecast(
-            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, why
+            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, lower, why
         )
 
     if course is None:
@@ -339,9 +340,8 @@ def _forecast(
     last = float(history.days[-1])
     ahead = last + np.arange(0, math.ceil(horizon * STEPS_A_YEAR) + 1) * YEAR / STEPS_A_YEAR
     levels = course.course(ahead)
-    now = (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0])))
-    upward = limit >= float(np.median(course.course(np.zeros(1))))
-    beyond = levels >= limit if upward else levels <= limit
+    now = value_of(levels[:, 0])
+    beyond = levels <= limit if lower else levels >= limit
     if np.mean(beyond[:, 0]) >= 0.975:
         return none("it is beyond it already", now, 1.0)
     if state == NOT_KNOWN:
@@ -360,8 +360,9 @@ def _forecast(
     if early_95 is None:
         return none(f"not within {horizon:g} years (97.5 %)", now, chance)
     return Forecast(
-        name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon
-    )
+        name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon,
+        lower,
+    )  # fmt: skip
 
 
 def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> list[str]:
@@ -374,7 +375,11 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
             f"Temperature is not accounted for: {some} of {len(history)} sessions tell it. What it "
             "makes of friction looks like wear, or hides it."
         )
-    elif not known.all():
+    elif known.sum() < WARM_FROM:
+        said.append(
+            f"Temperature is not accounted for: what it makes is told of {WARM_FROM} sessions on."
+        )
+    if known is not None and not known.all():
         said.append(f"{int((~known).sum())} sessions of unknown temperature are left out.")
     gaps = np.diff(history.days)
     if len(gaps) and gaps.max() > 60.0:

@@ -292,8 +292,7 @@ def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Mo
     """Return by how much a parameter changed with a shape, in the noise that fits it best."""
     left = np.full(len(history), np.nan)
     series, at = history.series(np.eye(len(history.names))[p])
-    beside = [each for each in known if each != shape]
-    series = series.beside(*beside)
+    series = series.beside(*known)
     width = series.covariates.shape[1] + 1
     if len(at) < width + 2:
         return _Moved(0.0, np.inf, left)
@@ -319,10 +318,12 @@ def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Mo
 def _blamed(
     history: History, shape: Shape, known: Sequence[Sequence[Shape]]
 ) -> tuple[tuple[str, ...], tuple[float, ...], tuple[int, ...]]:
-    """Causes that explain what happened at an onset, their chances, and what shows each best."""
-    width = len(history.names)
-    made = [moved(history, p, shape, known[p]) for p in range(width)]
-    seen = [p for p in range(width) if np.isfinite(made[p].error)]
+    """Causes that explain what happened at an onset, their chances, and what shows each best.
+
+    A parameter that is known to have changed with this shape is free to, and explains no more.
+    """
+    made = {p: moved(history, p, shape, its) for p, its in enumerate(known) if shape not in its}
+    seen = [p for p, each in made.items() if np.isfinite(each.error)]
     together = _correlation(history, [made[p].left for p in seen], seen)
     errors = np.array([made[p].error for p in seen])
     sizes = np.array([made[p].size for p in seen]) / errors

@@ -55,6 +55,7 @@ __all__ = [
     "NOISES",
     "SHAPES",
     "STEP",
+    "WARM_FROM",
     "YEAR",
     "Candidates",
     "Posterior",
@@ -64,6 +65,7 @@ __all__ = [
     "evidence_over_time",
     "posterior_of",
     "threshold",
+    "value_of",
 ]
 
 Array = NDArray[np.float64]
@@ -91,7 +93,9 @@ BEFORE: Final = 4  # sessions before a step, from which the level is known
 AFTER: Final = 2  # sessions from a change on: one alone is an accident
 MOST_ONSETS: Final = 200  # of longer histories every second session, or fewer, may be an onset
 FAR: Final = 1.5  # of the typical distance of neighbours: 2.1 standard errors of white noise
+NO_ACCIDENT: Final = 6.0  # of what sessions scatter: farther from the level before is the change
 LEAST_SPAN: Final = 1.0  # K; within it temperature moves nothing that could be told
+WARM_FROM: Final = 3  # sessions from which temperature is fitted: two would leave nothing over
 BENDS_FROM: Final = 26  # sessions from which a bend over temperature is fitted as well: half a year
 
 
@@ -171,10 +175,12 @@ class Series:
     @cached_property
     def covariates(self) -> Array:
         """(S, K): one, temperature and its square where there is one, changes that are known."""
-        columns = [np.ones(len(self.days))]
-        if self.temperatures is not None and np.ptp(self.temperatures) > LEAST_SPAN:
-            above = (self.temperatures - self.reference) / 10.0
-            columns += [above, above**2] if len(self.days) >= BENDS_FROM else [above]
+        count = len(self.days)
+        columns = [np.ones(count)]
+        warm = self.temperatures if count >= WARM_FROM else None
+        if warm is not None and np.ptp(warm) > LEAST_SPAN:
+            above = (warm - self.reference) / 10.0
+            columns += [above, above**2] if count >= BENDS_FROM else [above]
         return np.column_stack([*columns, *(shape.of(self.days) for shape in self.known)])
 
     @property
@@ -414,6 +420,16 @@ class Posterior:
         return np.asarray(columns @ self.by_temperature.mean(axis=0))
 
 
+def value_of(draws: Array) -> tuple[float, float]:
+    """Return the median of draws (N,) and half of their 68 %.
+
+    Of a normal distribution these are mean and standard deviation; those of few sessions have
+    tails, with which neither is known.
+    """
+    low, middle, high = np.percentile(draws, [15.865, 50.0, 84.135])
+    return float(middle), float(high - low) / 2.0
+
+
 def posterior_of(
     series: Series, candidates: Candidates | None, rng: np.random.Generator, draws: int = DRAWS
 ) -> Posterior:
@@ -434,7 +450,9 @@ def posterior_of(
         rows = slice(first, last_one)
         coefficients[rows] = _drawn(series, shape, NOISES[m], rng, last_one - first)
         if shape is not None:
-            starts[rows] = _onsets(series, shape, rng, last_one - first)
+            starts[rows] = _onsets(
+                series, shape, coefficients[rows].mean(axis=0), rng, last_one - first
+            )
             kinds[rows] = SHAPES.index(shape.kind)
         first = last_one
     known = len(series.known)
@@ -450,18 +468,26 @@ def posterior_of(
     )
 
 
-def _onsets(series: Series, shape: Shape, rng: np.random.Generator, count: int) -> Array:
+def _onsets(
+    series: Series, shape: Shape, coefficients: Array, rng: np.random.Generator, count: int
+) -> Array:
     """Days (n,): a step is told to one session before and behind that at which it is seen.
 
     Between sessions it may be anywhere, and in noise with tails it is taken for its neighbour's:
-    between the session before and itself alone it lies in 78 of 100 joints.
+    between the session before and itself alone it lies in 78 of 100 joints. Where the session at
+    which it is seen lies too far from the level before for an accident, it is of that day at last.
     """
     if shape.kind != STEP:
         return np.full(count, shape.start)
     at = int(np.searchsorted(series.days, shape.start))
     behind = int(np.searchsorted(series.days, shape.start, side="right"))
+    moved = series.values - series.covariates @ coefficients[:-1]
+    rest = moved - shape.of(series.days) * coefficients[-1]
+    scatter = np.sqrt(max(float(np.mean(rest**2)), series.floor))
+    seen = abs(float(np.mean(moved[at:behind]))) > NO_ACCIDENT * scatter
     first = series.days[max(at - 1, 0)]
     last = series.days[min(behind, len(series.days) - 1)]
+    last = min(last, series.days[at] + 1.0) if seen else last
     return np.asarray(rng.uniform(first, last, count))
 
 

@@ -26,7 +26,7 @@ from flexspline.fleet.sessions import Sessions
 from flexspline.progress import Progress
 from flexspline.tracking import HORIZON, track
 from flexspline.tracking.history import History
-from flexspline.tracking.result import Change, Track, day, spoken
+from flexspline.tracking.result import Change, Track, day, days_of, spoken
 
 if TYPE_CHECKING:
     import pandas
@@ -86,13 +86,12 @@ class FleetTrack(FleetResult):
     def verdict(self) -> str:
         """What there is to decide, in a sentence or two."""
         count = len(self.tracks)
-        first = min(made.history.dates[0] for made in self.tracks.values())
-        last = max(made.history.dates[-1] for made in self.tracks.values())
-        span = " to ".join(day(each.astype("datetime64[s]").item()) for each in (first, last))
+        span = days_of(np.concatenate([made.history.dates for made in self.tracks.values()]))
         told = len(self.changed)
-        said = f"{count} joints, {span}: "
+        said = f"{count} joint{'s' if count > 1 else ''}, {span}: "
         said += f"{listed(self.changed)} changed" if told else "no change is told"
-        said += f", {len(self.quiet)} are quiet" if told and self.quiet else ""
+        verb = "is" if len(self.quiet) == 1 else "are"
+        said += f", {len(self.quiet)} {verb} quiet" if told and self.quiet else ""
         return said + (f", of {len(self.unknown)} nothing is known yet." if self.unknown else ".")
 
     def to_frame(self) -> pandas.DataFrame:

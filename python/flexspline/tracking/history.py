@@ -398,8 +398,8 @@ def history_of(
     Raises
     ------
     InputError
-        Where a session has no date, models and runs are mixed, targets or units differ, effects are
-        missing, or no session can be fitted.
+        Where a session has no date, models and runs are mixed, targets or units differ, a run is of
+        another gear than the model, effects are missing, or no session can be fitted.
     """
     given = [paths] if isinstance(paths, (str, os.PathLike, Log)) else list(paths)
     logs = [each for each in given if isinstance(each, Log)]
@@ -436,8 +436,8 @@ def history_of(
         assert effects is not None
         asked = with_orders(effects, orders or {})
         shared |= {"fixed": fixed or {}}
-    return _fitted(sessions, asked, part.target if part is not None else str(target), shared,
-                   {} if model is None else model.facts, progress)  # fmt: skip
+    whose = part.target if part is not None else str(target)
+    return _fitted(sessions, asked, whose, shared, model, progress)
 
 
 def _models_in(path: Path) -> list[Path]:
@@ -464,16 +464,22 @@ def _fitted(
     effects: Sequence[str | Effect],
     target: str,
     shared: dict[str, Any],
-    facts: Mapping[str, Any],
+    model: Model | None,
     progress: bool,
 ) -> History:
-    """Fit each run; one that cannot be fitted is left out and said to be."""
+    """Fit each run; one that cannot be fitted is left out and said to be.
+
+    Raises
+    ------
+    InputError
+        Where a run has no date, is of another gear than the model, or none can be fitted.
+    """
     made: list[_Estimates] = []
     remarks, joints, first = [], [], None
     with Progress("fitting", progress, total=len(sessions), unit="run") as bar:
         for session in sessions:
             log = session.read()
-            log = log.with_facts({k: v for k, v in facts.items() if k not in log.facts})
+            log = log if model is None else _of_the_gear(model, target, log)
             when = session.dated(log).date
             if when is None:
                 raise InputError(
@@ -498,6 +504,12 @@ def _fitted(
     if not made:
         raise first or InputError("there is no run to fit; give at least one")
     return _joined(made, _joint_of(joints), remarks)
+
+
+def _of_the_gear(model: Model, target: str, log: Log) -> Log:
+    """Add the facts of the model that a log leaves open; refuse one of another gear."""
+    model.require_scales(log, model.part(target))
+    return log.with_facts({k: v for k, v in model.facts.items() if k not in log.facts})
 
 
 def _shapes(part: Part) -> dict[str, float]:

@@ -35,7 +35,17 @@ if TYPE_CHECKING:
 
     from flexspline.tracking.history import History
 
-__all__ = ["Band", "Change", "Forecast", "Track", "TrackedParameter", "day", "in_unit", "spoken"]
+__all__ = [
+    "Band",
+    "Change",
+    "Forecast",
+    "Track",
+    "TrackedParameter",
+    "day",
+    "days_of",
+    "in_unit",
+    "spoken",
+]
 
 Array = NDArray[np.float64]
 Interval = tuple[datetime, datetime]
@@ -43,6 +53,10 @@ Interval = tuple[datetime, datetime]
 MOST_RELATIVE = 3.0  # times the level before; beyond, that level was hardly there
 
 DIFFERENT = 2.0  # standard errors by which a level is another than at first
+AS_UPPER = (
+    " It is taken for a lower limit, for the level at first lies above it; an upper one would be "
+    "exceeded already."
+)
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
 FORMAT = "flexspline-track"
@@ -72,7 +86,8 @@ class TrackedParameter:
     name, unit : "effect.term"; of an order amplitude and quadrature, see `History`.
     state : "not known yet", "no change told", "changed" or "may have changed".
     sessions : that tell it.
-    at_first, now : level at the reference temperature, with its standard error.
+    at_first, now : level at the reference temperature, with its standard error: median, and half of
+        the 68 % interval.
     by_temperature : per K at the reference temperature, with its error; NaN where that is not
         accounted for.
     between_sessions : standard deviation from session to session once all else is taken out.
@@ -211,6 +226,7 @@ class Forecast:
     date : median; None where it is not told that it will be reached.
     within_80, within_95 : intervals; None as an end: not within the horizon, perhaps never.
     horizon : years.
+    lower : whether it must not fall below the limit: the level at first lies above it.
     why_none : why there is no date, or "".
     """
 
@@ -223,22 +239,26 @@ class Forecast:
     within_80: tuple[datetime | None, datetime | None]
     within_95: tuple[datetime | None, datetime | None]
     horizon: float
+    lower: bool = False
     why_none: str = ""
 
     @property
     def sentence(self) -> str:
         """When, or why no date is given."""
-        name, limit = spoken(self.parameter), in_unit(short(self.limit, 4), self.unit)
+        name = spoken(self.parameter)
+        limit = f"limit of {in_unit(short(self.limit, 4), self.unit)}"
+        limit = f"lower {limit}" if self.lower else limit
         now = f"now {in_unit(plus_minus(*self.now), self.unit)}"
         if self.why_none:
-            return f"{name} and its limit of {limit}, {now}: {self.why_none}."
+            said = f"{name} and its {limit}, {now}: {self.why_none}."
+            return said + (AS_UPPER if self.lower and self.now[0] > self.limit else "")
         first, last = self.within_95
         assert first is not None
         if last is None:
             when = "may reach" if self.date is None else "reaches"
             about = "" if self.date is None else f" about {day(self.date)},"
             return (
-                f"{name} {when} its limit of {limit}{about} not before {day(first)} (97.5 %), "
+                f"{name} {when} its {limit}{about} not before {day(first)} (97.5 %), "
                 f"within {self.horizon:g} years with a probability of {_percent(self.chance)}; "
                 f"{now}."
             )
@@ -246,7 +266,7 @@ class Forecast:
         early, late = self.within_80
         inner = "" if early is None or late is None else f"80 % {day(early)} to {day(late)}, "
         return (
-            f"{name} reaches its limit of {limit} about {day(self.date)} ({inner}95 % {day(first)} "
+            f"{name} reaches its {limit} about {day(self.date)} ({inner}95 % {day(first)} "
             f"to {day(last)}); {now}."
         )
 
@@ -298,12 +318,11 @@ class Track(Rendered):
         """What there is to decide, in a sentence or two."""
         joint = self.history.joint or "The joint"
         count = len(self.history)
-        first, last = (day(self.history.dates[k].astype(datetime)) for k in (0, -1))
-        span = f"{count} session{'s' if count > 1 else ''}, {first} to {last}"
+        span = f"{count} session{'s' if count > 1 else ''}, {days_of(self.history.dates)}"
         if not self.known:
             return (
-                f"{joint}: not known yet. {span}; no change can be told of fewer than "
-                f"{LEAST_SESSIONS} sessions that tell a parameter."
+                f"{joint}: whether it changed is not known yet ({span}); no change can be told of "
+                f"fewer than {LEAST_SESSIONS} sessions that tell a parameter."
             )
         if not self.changes:
             return f"{joint}: no change is told ({span})."
@@ -312,6 +331,13 @@ class Track(Rendered):
         needs = list(dict.fromkeys(c.needs for c in lasting))
         what = f"{told} change{'s' if told > 1 else ''} told ({span})"
         return f"{joint}: {what}." + (f" It needs {_and(needs)}." if needs else "")
+
+    @property
+    def levels(self) -> list[str]:
+        """At which temperature levels are told, where that is accounted for."""
+        if not np.isfinite(self.reference):
+            return []
+        return [f"Levels are those at {self.reference:.1f} °C, the median of the sessions."]
 
     @property
     def sentences(self) -> list[str]:
@@ -401,6 +427,14 @@ class Track(Rendered):
 def day(when: datetime) -> str:
     """Return a date as 2027-03-14."""
     return when.strftime("%Y-%m-%d")
+
+
+def days_of(dates: NDArray[np.datetime64]) -> str:
+    """Return the first and the last of dates, or the one day that they are of."""
+    first, last = (
+        day(each.astype("datetime64[s]").astype(datetime)) for each in (dates.min(), dates.max())
+    )
+    return first if first == last else f"{first} to {last}"
 
 
 def _goes_on(change: Change) -> bool:
