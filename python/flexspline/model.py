@@ -280,7 +280,9 @@ class Model:
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
-        warnings = (*said, *part_warnings(part), *range_warnings(part, log))
+        warnings = (
+            *said, *part_warnings(part), *_without_load(part, log), *range_warnings(part, log)
+        )  # fmt: skip
         time = np.asarray(log["time"])
         return Prediction(time, measured, predicted, part.target, part.unit, warnings)
 
@@ -557,6 +559,17 @@ def fitted_to(part: Part, log: Log) -> bool:
         return bool(entry.get("name") == log.name and entry.get("rows") == len(log))
 
     return any(same(entry) for entry in part.record.get("logs", ()))
+
+
+def _without_load(part: Part, log: Log) -> list[str]:
+    """Return a sentence where a run lacks the known load that effects of a part read, or none."""
+    readers = [effect.name for effect in part.effects if "load" in effect.reads]
+    if not readers or part.known_load is None or part.known_load in log:
+        return []
+    return [
+        f"log '{log.name}': no {part.known_load}, which {listed(readers)} of the model of "
+        f"{part.target} {'read' if len(readers) > 1 else 'reads'}; predicted as without a load"
+    ]
 
 
 def range_warnings(part: Part, log: Log) -> list[str]:

@@ -243,6 +243,17 @@ def weak_model(folder: Path) -> tuple[Path, Path]:
     return folder / "model.json", folder / "run.csv"
 
 
+def test_a_run_without_the_known_load_that_effects_read_is_told() -> None:
+    """What the joint adds is predicted without one; what grows with the load is not known then."""
+    gain = Part("sensor_torque", (effect("gain_error"),), np.array([0.01]), "reference_torque")
+    (said,) = model(gain).predict(SLOW).warnings
+    assert "run 7" in said and "reference_torque" in said and "gain_error" in said
+    loaded = run(np.sin(TIME), reference_torque=np.cos(TIME))
+    assert model(gain).predict(loaded).warnings == ()
+    plain = Part("sensor_torque", (VISCOUS,), np.array([0.5]), "reference_torque")
+    assert model(plain).predict(SLOW).warnings == ()
+
+
 def test_predict_says_a_sentence_a_line_and_strict_refuses(tmp_path: Path) -> None:
     joint, log = weak_model(tmp_path)
     out = tmp_path / "out.csv"
