@@ -74,8 +74,8 @@ _STILL = 0.3  # of the run's usual speed: slower than this counts as a reversal 
 _SETTLE = (0.5, 0.1)  # s left out after a start and before a stop: presliding, overshoot
 _SHORTEST = 64  # rows that a stretch needs
 _HOLE = 0.1
-"""Of a stretch's angle, without rows: beside the line of an order stand others as high then, within
-what its floor is taken from."""
+"""Of a stretch's angle, without rows. Where it is longer than all that has rows, others as high
+stand beside the line of an order, within what its floor is taken from."""
 _CYCLES = 1.5  # cycles in the span from which an order can be told from a trend
 NYQUIST = 0.9  # of half the sampling rate
 
@@ -217,7 +217,8 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
 def _unbroken(angle: NDArray[np.float64], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     """Yield the rows on each side of a hole in their angles; too few are left out."""
     ranked = np.sort(angle[rows])
-    wide = np.diff(ranked) > _HOLE * (ranked[-1:] - ranked[:1])
+    steps, least = np.diff(ranked), _HOLE * (ranked[-1:] - ranked[:1])
+    wide = steps > np.maximum(least, steps[steps <= least].sum())
     side = np.searchsorted(ranked[:-1][wide], angle[rows])
     for k in range(np.count_nonzero(wide) + 1):
         own = rows[side == k]
