@@ -366,7 +366,7 @@ def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
     outlook = Outlook(("inertia", "gravity"), now, 19.0, "", 0.5, None)
     said = plan_sentence(60.0, "strokes", [outlook], 1, own_load=False)
     assert f"(now {now}" in said
-    assert ("if inertia is right, which these runs do not bear out" in said) is doubted
+    assert ("were inertia right and every form exact" in said) is doubted
 
 
 @pytest.mark.parametrize("reached", [0.02, float("inf")])
@@ -539,3 +539,16 @@ def test_no_share_is_told_of_a_gap_whose_size_is_not_known() -> None:
         floor = replace(found().floor, by=by, rmse=0.5 * found().final_rmse)
         made = replace(found(), unexplained=left, floor=floor)
         assert any(sentence.startswith(said) for sentence in remarks(made))
+
+
+@pytest.mark.parametrize(("final", "told"), [(1.21, True), (0.5, False)])
+def test_a_weighed_share_does_not_stand_alone_beside_a_gap_that_is_hardly_closed(
+    final: float, told: bool
+) -> None:
+    """The noise's metric sees 18 % left where the error in newton metres has hardly fallen."""
+    floor = replace(found().floor, by=BY_FUNCTIONS, rmse=0.236)
+    left = Unexplained(0.18, ("time",))
+    made = replace(found(), unexplained=left, floor=floor, base_rmse=1.23, final_rmse=final)
+    (said,) = [one for one in remarks(made) if one.startswith("Unexplained: 18 %")]
+    assert ("Not weighed so, 97 % of the gap's mean square are left." in said) is told
+    assert ("Not weighed" in said) is told

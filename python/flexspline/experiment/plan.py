@@ -384,7 +384,7 @@ def _now(one: Outlook) -> str:
     if not one.parameter:
         if one.now < ENOUGH:
             return f"now {_t(one.now)}"
-        return f"now {_t(one.now)} if {one.names[0]} is right, which these runs do not bear out"
+        return f"now {_t(one.now)}, were {one.names[0]} right and every form exact"
     return f"now ± {short(one.now)}" if one.now < float("inf") else "now nothing is known of it"
 
 

@@ -418,6 +418,9 @@ def remarks(made: Discovery) -> list[str]:
     return [sentence for sentence in said if sentence]
 
 
+APART = 10.0  # per cent, by which two shares of one gap seem to contradict each other
+
+
 def unexplained_sentence(made: Discovery) -> str:
     """Return what is left that no effect explains, "" where nothing is."""
     if not made.unexplained:
@@ -433,6 +436,10 @@ def unexplained_sentence(made: Discovery) -> str:
     )
     if _unexplained_is_small(made):
         said += f" Of the error itself that is less than {_small(made)} {made.unit}."
+    elif made.floor.by != BY_NAMES and weighed:
+        left = 1.0 - min(made.gap_closed, 1.0)
+        if abs(100.0 * left - share) > APART:
+            said += f" Not weighed so, {percent(left)} of the gap's mean square are left."
     return said
 
 
