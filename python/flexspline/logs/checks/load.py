@@ -52,7 +52,7 @@ def unused_load(logs: Sequence[Log], target: str, known_load: str | None) -> lis
 def _unused(target: str) -> str:
     return (
         f"{KNOWN}, the load that a load cell, brake or weight at the output tells, is not used "
-        f"unless it is given as known_load (--known-load {KNOWN}), the usual way: the effects then "
+        f"unless a fit is given known_load (--known-load {KNOWN}), the usual way: the effects then "
         f"explain {target} less the load, and without it the load too."
     )
 
