@@ -105,3 +105,13 @@ def test_the_channel_that_is_late_is_named_with_its_repair(late: float) -> None:
     assert [f.run for f in faults] == [log.name for log in logs]
     assert all(f.channel == channel and f.size == abs(late) for f in faults)
     assert all(f"shift={channel}:0.0012" in f.sentence for f in faults)
+
+
+@pytest.mark.parametrize(("every", "grave"), [(1000, False), (50, True)])
+def test_few_missing_rows_need_no_repair_and_are_not_to_be_fixed_first(
+    every: int, grave: bool
+) -> None:
+    whole = swinging(0)
+    kept = np.flatnonzero(np.arange(len(whole)) % every != 7)
+    faults = data_faults([whole.rows(kept, note="a bus loses rows")], base(), "motor_torque", None)
+    assert [fault.grave for fault in faults if fault.name == "dropped_samples"] == [grave]

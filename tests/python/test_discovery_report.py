@@ -552,3 +552,21 @@ def test_a_weighed_share_does_not_stand_alone_beside_a_gap_that_is_hardly_closed
     (said,) = [one for one in remarks(made) if one.startswith("Unexplained: 18 %")]
     assert ("Not weighed so, 97 % of the gap's mean square are left." in said) is told
     assert ("Not weighed" in said) is told
+
+
+@pytest.mark.parametrize(("turns", "told"), [(0.4, True), (1.3, False)])
+def test_orders_of_the_output_are_said_to_look_alike_over_part_of_a_turn(
+    turns: float, told: bool
+) -> None:
+    time = np.arange(4000) / 100.0
+    runs = []
+    for seed in range(2):
+        swing = np.sin((0.7 + 0.1 * seed) * time)
+        angle = np.pi * turns * swing
+        torque = 0.3 * np.cos(5.0 * angle) + np.random.default_rng(seed).normal(0.0, 0.02, 4000)
+        runs.append(log_of({"time": time, "output_position": angle}, sensor_torque=torque))
+    made = flexspline.discover(["offset"], runs, target="sensor_torque")
+    assert made.names == ("output_ripple",)
+    said = [one for one in remarks(made) if "of a turn of the output" in one]
+    assert len(said) == told
+    assert not told or said[0].startswith("The runs cover 0.4 of a turn of the output, over which")

@@ -45,7 +45,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check_runs
 from flexspline.logs.checks.consistency import TOLD, late_alike, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
-from flexspline.logs.checks.samples import unwrapped
+from flexspline.logs.checks.samples import DROPPED, unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
@@ -119,10 +119,12 @@ def data_faults(
         findings.raise_errors()
         if target == "torsion":
             findings.raise_named(NO_TWIST)
+        few = SETTINGS.negligible * len(log)  # of them a fit takes both sides apart
         found += [
-            DataFault.of(log.name, f, f"{log.name}: {f.sentence} {f.remedy}".rstrip())
+            DataFault.of(log.name, f, f"{log.name}: {f.sentence} {f.remedy}".rstrip(),
+                         grave=f.name != DROPPED or f.size > few)
             for f in findings.faults
-        ]
+        ]  # fmt: skip
     late = {f.run for f in found if f.name == ENCODER_DELAY}
     if late:
         gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}

@@ -58,6 +58,7 @@ PLAN = (
 )
 
 MOST_RIVALS = 3
+ANGLE, OF_OUTPUT = "output_position", "output_on_housing"
 LIKELY = 0.5  # confidence from which a name is more likely right than wrong
 CRITICAL = "Faults of the data, to be fixed first"
 LEFT_OUT = "Left out of the runs, before anything was searched"
@@ -410,12 +411,34 @@ def remarks(made: Discovery) -> list[str]:
         inputs_sentence(made),
         driven_sentence(made),
         estimator_sentence(made) if made.fit.generalised else "",
+        part_of_a_turn_sentence(made),
         *(one.sentence for one in made.dependences),
         f"Next: {made.next_experiment}" if made.next_experiment else "",
         searched_sentence(made) if min(made.searched.values()) < 1.0 else "",
         *not_tried_sentences(made),
     ]
     return [sentence for sentence in said if sentence]
+
+
+def part_of_a_turn_sentence(made: Discovery) -> str:
+    """Return that orders of the output look alike where the runs cover no whole turn of it."""
+    found = {one.effect for one in made.found}
+    turning = [
+        effect.name
+        for effect in made.fit.part.effects
+        if effect.name in found and any(pair == OF_OUTPUT for _, pair in effect.harmonics)
+    ]
+    angles = [run.log[ANGLE] for run in made.fit.runs if ANGLE in run.log]
+    if not turning or not angles:
+        return ""
+    covered = (max(map(np.max, angles)) - min(map(np.min, angles))) / (2.0 * np.pi)
+    if covered >= 1.0:
+        return ""
+    return (
+        f"The runs cover {short(covered, 2)} of a turn of the output, over which orders of "
+        f"{listed(turning)} look alike: others may be there in their place, as a whole turn would "
+        "tell."
+    )
 
 
 APART = 10.0  # per cent, by which two shares of one gap seem to contradict each other
