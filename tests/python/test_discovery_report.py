@@ -550,7 +550,7 @@ def test_a_weighed_share_does_not_stand_alone_beside_a_gap_that_is_hardly_closed
     left = Unexplained(0.18, ("time",))
     made = replace(found(), unexplained=left, floor=floor, base_rmse=1.23, final_rmse=final)
     (said,) = [one for one in remarks(made) if one.startswith("Unexplained: 18 %")]
-    assert ("Not weighed so, 97 % of the gap's mean square are left." in said) is told
+    assert ("Not weighed so, 97 % of the gap's mean square is left." in said) is told
     assert ("Not weighed" in said) is told
 
 

@@ -462,7 +462,7 @@ def unexplained_sentence(made: Discovery) -> str:
     elif made.floor.by != BY_NAMES and weighed:
         left = 1.0 - min(made.gap_closed, 1.0)
         if abs(100.0 * left - share) > APART:
-            said += f" Not weighed so, {percent(left)} of the gap's mean square are left."
+            said += f" Not weighed so, {percent(left)} of the gap's mean square is left."
     return said
 
 
