@@ -110,8 +110,8 @@ def fit(
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
-    runs, warnings = without_unread(runs, chosen, target, known_load)
-    warnings += checked(runs, chosen, target, known_load) if checks else []
+    read, warnings = without_unread(runs, chosen, target, known_load)
+    warnings += checked(read, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
     own = own_terms(chosen, how, [*given.fixed], len(runs))
     centred = own == (ZERO,) and taken_out(chosen, runs, given)

@@ -214,7 +214,9 @@ def test_a_velocity_that_is_missing_is_made_as_on_the_device() -> None:
     log = unseen().log
     bare = Log({k: v for k, v in log.columns.items() if "velocity" not in k}, log.facts)
     chain, found = estimate(trained().model, bare), trained().estimates(bare)
-    np.testing.assert_array_equal(found["m"], chain["external_torque_merged"])
+    begun = bare["time"] - bare["time"][0] > 0.5  # s, in which either start is forgotten
+    np.testing.assert_array_equal(found["m"][begun], chain["external_torque_merged"][begun])
+    assert np.isnan(chain["external_torque_merged"][0])  # a device says nothing of its start
 
 
 def test_what_training_cannot_work_with_is_one_sentence() -> None:

@@ -80,7 +80,7 @@ def torsion_log(**more: Any) -> Log:
     [
         (lambda motor: np.mod(motor, 2 * np.pi), "wrapped. Ask for the repair unwrap"),
         (lambda motor: -motor, "the other way.* Ask for the repair reverse_motor"),
-        (np.degrees, "as stated.* check the encoders' units"),
+        (np.degrees, "as stated: degrees and radians .*the encoders' right units"),
         (lambda motor: motor * 100.0 / 101.0, "the other spline is the output"),
     ],
 )

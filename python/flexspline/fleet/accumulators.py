@@ -421,8 +421,8 @@ def _in_pieces(session: Session) -> bool:
 def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
     """Sums of a run, or of a piece of one, and what its checks say."""
     asked = plan.effects, plan.target, plan.known_load
-    (log,), said = without_unread([log], *asked)
-    said += checked([log], *asked) if plan.checks else []
+    read, said = without_unread([log], *asked)
+    said += checked(read, *asked) if plan.checks else []
     problem = _posed(log, plan)
     if not problem.runs[0].counted:
         raise InputError(f"{log.name}: no row counts; record longer, or smooth less")
