@@ -126,7 +126,7 @@ assert shown["order 404: amplitude"] < shown["order 202: amplitude"] < 1.0
 """,
     "fleet": """
 assert len(set(workers.values()) - set(left.values())) == 1
-assert set(made.changed) == set(WORN) and len(made.quiet) == 37 and not made.failed
+assert set(made.changed) == set(WORN) and len(made.quiet) == 17 and not made.failed
 causes = {"coulomb": "coulomb_friction.level", "load": "load_dependent_friction.factor",
           "zero": "offset.offset"}
 for joint, (what, since, _) in WORN.items():
