@@ -245,3 +245,21 @@ def test_a_ripple_of_other_orders_holds_no_coefficient_of_those_that_it_had() ->
     made = candidate_model_of([effect("offset"), slow], 1, held).having([effect("offset"), other])
     assert made.fixed == {"output_ripple.sine 6": 0.5}
     assert made.values("output_ripple")[-1] == 0.5
+
+
+def test_a_velocity_that_is_not_known_beside_gaps_hides_no_friction() -> None:
+    """A derived velocity is not finite where no row counts, and the base reads it all the same."""
+    runs = []
+    for seed in range(1, 4):
+        c = rich_run(seed, 3000)
+        torque = friction_of(c) + noise(seed, 3000)
+        log = log_of(c, motor_torque=torque)
+        bare = {n: log[n] for n in ("time", "output_position", "motor_torque")}
+        kept = np.ones(3000, dtype=bool)
+        for first in (700, 1500):
+            kept[first : first + 60] = False  # a bus loses rows, and two of them stand alone
+            kept[[first + 20, first + 40]] = True
+        runs.append(Log({n: x[kept] for n, x in bare.items()}, {**log.facts, "name": f"r{seed}"}))
+    made = flexspline.discover(["offset", "coulomb_friction"], runs, target="motor_torque")
+    assert "viscous_friction" not in made.not_tried
+    assert "viscous_friction" in made.names
