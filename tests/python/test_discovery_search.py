@@ -247,8 +247,9 @@ def test_a_ripple_of_other_orders_holds_no_coefficient_of_those_that_it_had() ->
     assert made.values("output_ripple")[-1] == 0.5
 
 
-def test_a_velocity_that_is_not_known_beside_gaps_hides_no_friction() -> None:
-    """A derived velocity is not finite where no row counts, and the base reads it all the same."""
+@pytest.mark.parametrize("base", [["offset", "coulomb_friction"], ["offset"]])
+def test_a_velocity_that_is_not_known_beside_gaps_hides_no_friction(base: list[str]) -> None:
+    """A derived velocity is not finite where no row counts, whether the base reads it or not."""
     runs = []
     for seed in range(1, 4):
         c = rich_run(seed, 3000)
@@ -260,6 +261,6 @@ def test_a_velocity_that_is_not_known_beside_gaps_hides_no_friction() -> None:
             kept[first : first + 60] = False  # a bus loses rows, and two of them stand alone
             kept[[first + 20, first + 40]] = True
         runs.append(Log({n: x[kept] for n, x in bare.items()}, {**log.facts, "name": f"r{seed}"}))
-    made = flexspline.discover(["offset", "coulomb_friction"], runs, target="motor_torque")
-    assert "viscous_friction" not in made.not_tried
-    assert "viscous_friction" in made.names
+    made = flexspline.discover(base, runs, target="motor_torque")
+    assert {*made.not_tried} == {"temperature_dependent_friction", "torque_constant_error"}
+    assert {"coulomb_friction", "viscous_friction"} - {*base} <= {*made.names}

@@ -13,7 +13,7 @@ that result: each name in the form that all rows show, or none; then it adds wha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -184,9 +184,7 @@ def search_context_of(
     require_one_unit(base, target, known_load)
     inputs = [with_motion(log) for log in (logs if inputs is None else inputs)]
     effects, reasons = possible(base, inputs, target, known_load, exclude, own)
-    rows = rest.get("counted") or [np.ones(len(log), dtype=bool) for log in logs]
-    read = {name for effect in base for name in effect.reads}
-    kept = [e for e in effects if _finite(e, read, inputs, rows, reasons)]
+    kept = [e for e in effects if _finite(e, logs, reasons)]
     problem = problem_of(
         logs, [*base, *kept], target, known_load=known_load, inputs=inputs, **rest
     )  # fmt: skip
@@ -194,21 +192,14 @@ def search_context_of(
     return SearchContext(replace(problem, runs=runs), kept, reasons)
 
 
-def _finite(
-    effect: Effect,
-    known: Collection[str],
-    logs: Sequence[Log],
-    rows: Sequence[NDArray[np.bool_]],
-    reasons: dict[str, str],
-) -> bool:
-    """Whether its channels are finite in the rows that count: a candidate takes none from the base.
+def _finite(effect: Effect, logs: Sequence[Log], reasons: dict[str, str]) -> bool:
+    """Whether its channels are finite as recorded; a candidate's fault is no fault of the base.
 
-    Those that are `known` to be read by the base are not asked for: beside a gap no row of them
-    counts.
+    Rows between gaps that are too few to derive a motion of do not count (`problem_of`).
     """
-    for log, counted in zip(logs, rows, strict=True):
+    for log in logs:
         for name in effect.reads:
-            if name not in known and name in log and not np.isfinite(log[name][counted]).all():
+            if name in log and not np.isfinite(log[name]).all():
                 reasons[effect.name] = f"log '{log.name}': {name} is not finite throughout"
                 return False
     return True

@@ -332,7 +332,7 @@ def _forecast(
 
     def none(why: str, now: tuple[float, float], chance: float = 0.0) -> Forecast:
         return Forecast(
-            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, lower, why
+            name, unit, limit, now, chance, None, (None, None), (None, None), horizon, why, lower
         )
 
     if course is None:
@@ -361,7 +361,7 @@ def _forecast(
         return none(f"not within {horizon:g} years (97.5 %)", now, chance)
     return Forecast(
         name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon,
-        lower,
+        lower=lower,
     )  # fmt: skip
 
 

@@ -226,8 +226,8 @@ class Forecast:
     date : median; None where it is not told that it will be reached.
     within_80, within_95 : intervals; None as an end: not within the horizon, perhaps never.
     horizon : years.
-    lower : whether it must not fall below the limit: the level at first lies above it.
     why_none : why there is no date, or "".
+    lower : whether it must not fall below the limit: the level at first lies above it.
     """
 
     parameter: str
@@ -239,8 +239,8 @@ class Forecast:
     within_80: tuple[datetime | None, datetime | None]
     within_95: tuple[datetime | None, datetime | None]
     horizon: float
-    lower: bool = False
     why_none: str = ""
+    lower: bool = False
 
     @property
     def sentence(self) -> str:
