@@ -144,21 +144,25 @@ def test_the_power_by_which_friction_would_fall_is_held_and_the_last_one_is_not(
 
 
 @pytest.mark.parametrize(
-    ("height", "scatter", "said"),
-    [(0.3, 0.1, ""), (-0.3, 0.1, "run ahead"), (0.3, 3.0, "noise of the load")],
-)
+    ("heights", "scatter", "said"),
+    [((0.3, 0.0, 0.0, 0.0), 0.1, ""), ((-0.3, 0.0, 0.0, 0.0), 0.1, "run ahead"),
+     ((0.3, 0.0, 0.0, 0.0), 3.0, "noise of the load"), ((0.3, 0.0, 0.0, 0.0), 0.5, ""),
+     ((0.0, 0.0, 0.0, 0.3), 0.5, "noise of the load"),
+     ((0.1, -0.2, 0.0, 0.3), 1.2, "noise of the load")],
+)  # fmt: skip
 def test_a_sensors_loop_lags_and_is_wider_than_its_load_scatters(
-    height: float, scatter: float, said: str
+    heights: tuple[float, ...], scatter: float, said: str
 ) -> None:
-    """A narrower one follows the noise, which is in what the load leaves, too."""
+    """A narrower one follows the noise, which is in what the load leaves, too.
+
+    How wide it is, springs of 8, 4, 2 and 1 Nm say by their heights.
+    """
     load = 10.0 * np.sin(0.3 * np.arange(2000.0))
     log = swinging(sensor_torque=1.01 * load, reference_torque=load)
     effects = [flexspline.effect("offset"), flexspline.effect(HYSTERESIS, load_width=8.0)]
     problem = problem_of([log], effects, "sensor_torque", known_load="reference_torque",
                          lowpass_hz=None, threads=1)  # fmt: skip
-    made = replace(
-        candidate_model_of(effects, 1, {}), coefficients=np.array([0.0, height, 0.0, 0.0, 0.0])
-    )
+    made = replace(candidate_model_of(effects, 1, {}), coefficients=np.array([0.0, *heights]))
     why = impossible(made, HYSTERESIS, problem, scatter)
     assert said in why and bool(said) is bool(why)
 

@@ -60,8 +60,9 @@ def one_signed(name: str, target: str) -> int:
 def impossible(work: CandidateModel, name: str, problem: Problem, scatter: float = 0.0) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
-    `scatter`: noise of the load cell as recorded, Nm, which a narrower loop follows. The drive
-    decides signs: a sensor may see either, and so may what corrects a simulation.
+    `scatter`: noise of the load cell as recorded, Nm, which a narrower loop follows: the same noise
+    is in the target, from which the load is subtracted. The drive decides signs: a sensor may see
+    either, and so may what corrects a simulation.
     """
     why = _bent_one_way(work, name, problem) or _not_its_form(work, name, problem, scatter)
     return why or (_wrong_sign(work, name, problem) if problem.simulated is None else "")
@@ -72,11 +73,13 @@ def _not_its_form(work: CandidateModel, name: str, problem: Problem, scatter: fl
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = work.values(name)
-    if name == PRESLIDING and _build_up(values, _shapes(work, name)[PRESLIDING_WIDTH]) > WIDEST:
+    if name == PRESLIDING and _slip(values, _shapes(work, name)[PRESLIDING_WIDTH]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
     if name == LOAD_LOOP and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
-    if name == LOAD_LOOP and _shapes(work, name)["load_width"] < SETTINGS.told * scatter:
+    if name == LOAD_LOOP and _slip(values, _shapes(work, name)["load_width"]) < (
+        SETTINGS.told * scatter
+    ):
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
@@ -198,8 +201,8 @@ def _either(name: str, target: str) -> bool:
     return name == PRESLIDING and target == "sensor_torque"
 
 
-def _build_up(levels: Array, width: float) -> float:
-    """Angle after which springs slip [rad], in the mean by their levels: w, w/2, w/4 and w/8."""
+def _slip(levels: Array, width: float) -> float:
+    """Where springs slip, in the unit of `width`, in the mean by their levels: w, w/2, w/4, w/8."""
     sizes = np.abs(levels)
     return float(sizes @ (width * 0.5 ** np.arange(len(sizes)))) / max(float(sizes.sum()), TINY)
 
