@@ -249,14 +249,16 @@ def _resolved(
         resolved_rows,
         with_fastest,
     )
-    from flexspline.prepared import MOTION, VELOCITY, prepared
+    from flexspline.prepared import ACCELERATION, MOTION, VELOCITY, prepared
 
     if not ways:
         return None
     inside = [away_from_ends(log, log, ways) for log in runs]
-    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
+    made_here = {way.channel for way in ways}
+    if target == "torsion" or made_here.isdisjoint({VELOCITY, ACCELERATION}):
         return inside
-    these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
+    these = [e for e in effects if e.harmonics or not e.ripple]
+    these = with_fastest(these) if VELOCITY in made_here else these
     exact = posed(fine, these, inside)
     motion = [way for way in coarser(ways) if way.channel in MOTION]
     coarse = [
@@ -269,7 +271,7 @@ def _resolved(
     made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
     both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
     measured = [run.target for run in exact.runs]
-    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)), ways)
     return [a & b for a, b in zip(inside, told, strict=True)]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from hidden_logs import LOAD, RATIO, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery import search
+from flexspline.discovery.candidates import SeenOrders
 from flexspline.discovery.search import LEAD
 from flexspline.discovery.settings import SETTINGS
 from flexspline.regression.candidate_model import CandidateModel
@@ -42,6 +45,28 @@ def test_parts_of_a_long_log_lie_evenly_over_all_of_it() -> None:
     assert len(run.stretches) == 10
     assert np.ptp(np.diff([first for first, _ in run.stretches])) <= 1
     assert thinned(part, 3000, 300, LEAD) is part
+
+
+def test_orders_are_looked_for_in_all_rows_of_a_log_that_is_searched_in_part(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A quarter of 144 000 rows in pieces told neither of two orders that all of them are sure of.
+
+    Of a log of more than twenty times the rows searched, as many as ten times these are seen.
+    """
+    seen: list[int] = []
+
+    def scanned(_: Any, residuals: Sequence[Any], unit: str) -> SeenOrders:
+        assert unit == "Nm"
+        seen.append(sum(int(np.isfinite(rest).sum()) for rest in residuals))
+        return SeenOrders()
+
+    monkeypatch.setattr(search, "scanned", scanned)
+    for rows, least in ((2000, 29_000), (1000, 9_000)):
+        monkeypatch.setattr(search, "SETTINGS", replace(SETTINGS, rows=rows))
+        flexspline.discover(BASE, long_log(), target="sensor_torque", known_load=LOAD)
+        assert len(seen) == 2 and min(seen) > least >= 0.8 * max(seen)
+        seen.clear()
 
 
 def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(

@@ -407,7 +407,7 @@ def first_look(
     plain = Whitening(np.ones(1), 1.0, part.problem.decimation)
     base, _ = started(part.problem, candidate_model_of(effects, len(effects), fixed), plain)
     say("looking for orders")
-    part.scan(base)
+    part.scan(base, context.problem)
     say("noise")
     every = [e for c in part.candidates(base.effects) for e in c.effects]
     flexible = Functions(tuple(flexible_basis(part.problem, pairs=False)))
@@ -428,7 +428,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     whole.tied = context.tied = few.tied
     lax, _ = Searcher(few, first, True, say).run(base)
     lax, _ = Searcher(context, first, True).fitted(lax)
-    context.scan(lax)
+    context.scan(lax, whole.problem)
     say("functions of the channels")
     left = leftover_of(ExplainableBound(whole.problem, first), lax)
     beside, certain = left.groups, left.net > SETTINGS.certain**2

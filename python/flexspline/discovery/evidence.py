@@ -208,8 +208,8 @@ def offers(
 ) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    `plain`: several orders of the output for what one sine, gravity, leaves alone. `only`: the name
-    of the candidate that is asked for.
+    `plain`: several orders of the output for what one sine, gravity, leaves alone, unless they
+    alone explain more than it and others. `only`: the name of the candidate that is asked for.
     """
     left = dictionary.table.without(model)
     sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
@@ -220,7 +220,11 @@ def offers(
         if not plain or candidate.name != OUTPUT_RIPPLE:
             return _offer(candidate, dictionary, left)
         one = _offer(candidate, dictionary, left, most=1)
-        return max(one, _offer(candidate, dictionary, leaves), key=lambda offer: offer.net)
+        beside, alone = (_offer(candidate, dictionary, rest) for rest in (leaves, left))
+        by_sine, _ = gain_of(left, np.concatenate(sine), dictionary.raw)
+        if alone.net > max(one.net, beside.net + by_sine):
+            return alone
+        return max(one, beside, key=lambda offer: offer.net)
 
     return [best(c) for c in dictionary.candidates if only in ("", c.name)]
 

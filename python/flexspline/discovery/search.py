@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import LEAD, bent_forms, places_of, turning_over
+from flexspline.discovery.basis import LEAD, Functions, bent_forms, places_of, turning_over
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
@@ -73,6 +73,7 @@ from flexspline.regression.gram import (
 from flexspline.signals import require_one_unit
 
 __all__ = [
+    "BY_SMOOTHING",
     "FEW_PLACES",
     "SearchContext",
     "Searcher",
@@ -154,10 +155,16 @@ class SearchContext:
         """What may stand beside a model, or beside it in the place of some of its effects."""
         return self.candidates([e for e in work.effects if e.name not in without])
 
-    def scan(self, work: CandidateModel) -> None:
-        """Look for orders in what a model leaves; those of earlier scans stay."""
-        logs = [run.log for run in self.problem.runs]
-        residuals = left_of(self.problem, work.effects, work.coefficients, work.coefficients)
+    def scan(self, work: CandidateModel, whole: Problem) -> None:
+        """Look for orders in what a model leaves; those of earlier scans stay.
+
+        `whole`: all rows, of which many in long pieces are seen: the next rows tell one order from
+        another that is as high beside it.
+        """
+        rows = round(SETTINGS.rows / SETTINGS.little)
+        seen = thinned(whole, rows, SETTINGS.rows, LEAD)
+        logs = [run.log for run in seen.runs]
+        residuals = left_of(seen, work.effects, work.coefficients, work.coefficients)
         self.orders = self.orders.joined(scanned(logs, residuals, UNITS[self.target]))
 
 
@@ -239,6 +246,7 @@ LEFT_OF_FORM = "no more than what the form of a named effect misses"
 SPEED = "output_velocity"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 UNMODULATED = "the same orders explain as much with one amplitude at all speeds"
+BY_SMOOTHING = "the motion smoothed more or less explains as much"
 
 
 @dataclass
@@ -598,7 +606,25 @@ class Searcher:
         effect = next(e for e in work.effects if e.name == name)
         if not reason and effect.info.modulated and self._unmodulated(work, effect):
             return UNMODULATED
+        if not reason and self._by_smoothing(work, effect):
+            return BY_SMOOTHING
         return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
+
+    def _by_smoothing(self, work: CandidateModel, effect: Effect) -> bool:
+        """Whether an effect loses most of what it gains to the motion smoothed more or less.
+
+        What a smoother takes of a sharp reversal, or leaves of the noise, looks like a lag, a loop
+        or friction.
+        """
+        problem, rest = self.context.thinned().problem, work.without(effect.name)
+        blur = tuple(run.blur for run in problem.runs if run.blur is not None)
+        if len(blur) < len(problem.runs):
+            return False
+        given = Functions(column=blur)
+        table = tabulated(problem, rest.assembly(beside=[effect], given=given), self.whitening)
+        model = np.arange(len(rest.owners()))
+        own = model.size + np.arange(len(effect.terms))
+        return table.gain(own, np.append(model, own[-1] + 1)) < 0.5 * table.gain(own, model)
 
     def _unmodulated(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether a ripple whose amplitude follows the speed keeps next to nothing, or no more than

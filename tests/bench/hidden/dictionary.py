@@ -46,7 +46,7 @@ def columns_of(made: Made, target: str, excluded: tuple[str, ...]) -> Columns:
     )
     plain = Whitening(np.ones(1), 1.0, 1)
     work, _ = started(context.problem, candidate_model_of(made.base, len(made.base), {}), plain)
-    context.scan(work)
+    context.scan(work, context.problem)
     wanted = [e for c in context.candidates(work.effects) for e in c.effects]
     wanted = list(dict.fromkeys(wanted))
     owners = [e.name for e in wanted for _ in e.terms]
