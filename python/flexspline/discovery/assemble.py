@@ -217,13 +217,15 @@ def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained,
     again = repeated(made.after)
     if again is None:
         return None
-    share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
+    scale = (steps[-1] / made.after.rmse) ** 2  # of what the search left to what the fit leaves
+    fall = scale * again.fall
+    share = fall / max(steps[0] ** 2 - steps[-1] ** 2 + fall, TINY)
     if share < SETTINGS.bends:
         return None
     known = made.context.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
-    floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
-    error = np.hypot(steps[-1] * own, 0.5 * again.error) / max(floor, TINY)
+    floor = float(np.sqrt(max(steps[-1] ** 2 - fall, 0.0)))
+    error = np.hypot(steps[-1] * own, 0.5 * scale * again.error) / max(floor, TINY)
     bound = NoiseFloor(floor, float(error), BY_PLACE)
     return Unexplained(float(min(share, 1.0)), tuple(channels)), bound
 
