@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Iterable
 from typing import Final
@@ -10,8 +11,12 @@ from typing import Final
 __all__ = [
     "FlexsplineWarning",
     "InputError",
+    "above_zero",
     "did_you_mean",
+    "in_unit",
     "listed",
+    "number",
+    "numbers",
     "one_line",
     "printable",
     "shortened",
@@ -72,6 +77,44 @@ def shortened(value: object, most: int = 200) -> str:
         text = "a number of thousands of digits"
     half = most // 2
     return text if len(text) <= most else f"{text[:half]} … {text[-half:]}"
+
+
+def number(value: object, name: str, unit: str = "") -> float:
+    """Return a finite number; `name` is what the sentence calls it."""
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if isinstance(value, (str, bytes, bool)) or not math.isfinite(found):
+        raise InputError(
+            f"{name} = {shortened(repr(value))} is no finite number; give one{in_unit(unit)}"
+        )
+    return found
+
+
+def above_zero(value: object, name: str, unit: str = "", *, or_zero: bool = False) -> float:
+    """Return a finite number above zero, or zero where that is allowed."""
+    found = number(value, name, unit)
+    if not (found > 0.0 or (or_zero and found == 0.0)):
+        least = "zero or more" if or_zero else "a number above zero"
+        raise InputError(f"{name} = {found:g} is not allowed; give {least}{in_unit(unit)}")
+    return found
+
+
+def numbers(values: Iterable[object], name: str, unit: str = "") -> tuple[float, ...]:
+    """Return finite numbers as a tuple."""
+    try:
+        given = tuple(values)
+    except TypeError:
+        raise InputError(
+            f"{name} = {shortened(repr(values))} is no list of numbers; give a list"
+        ) from None
+    return tuple(number(value, f"{name}[{i}]", unit) for i, value in enumerate(given))
+
+
+def in_unit(unit: str) -> str:
+    """Return `` in Nm`` for use at the end of a sentence, or nothing."""
+    return f" in {unit}" if unit else ""
 
 
 def _printable(letter: str) -> str:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import flexspline
 from flexspline import InputError, effect
+from flexspline.errors import above_zero
 from flexspline.estimators import (
     ESTIMATORS,
     Calibration,
@@ -23,7 +24,6 @@ from flexspline.estimators import (
     TemperatureCompensation,
     Thermistor,
 )
-from flexspline.estimators.checks import above_zero
 from flexspline.model import Model, Part
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)

@@ -45,8 +45,8 @@ from flexspline.collision.result import (
     speed_bands,
     standstill_residual,
 )
-from flexspline.errors import InputError
-from flexspline.estimators.checks import above_zero, choice
+from flexspline.errors import InputError, above_zero
+from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import WATCHED
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
