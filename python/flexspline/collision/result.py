@@ -29,7 +29,7 @@ from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
 from flexspline.estimators.external_torque import MOST_BANDS, Collision
-from flexspline.logs.log import Log
+from flexspline.logs.log import Log, unmasked
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.model import Model
 from flexspline.schema import plain_json
@@ -171,7 +171,7 @@ def _without_trend(time: Array, signal: Array, fast: float, slow: float) -> Arra
 
 
 def _columns(values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = np.asarray(unmasked(values), dtype=float)
     return array[:, None] if array.ndim == 1 else array
 
 

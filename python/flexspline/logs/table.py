@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.logs.log import Fact
+from flexspline.logs.log import Fact, unmasked, unmasking_notes
 from flexspline.logs.packed import PIECE, require_memory
 
 __all__ = [
@@ -157,7 +157,7 @@ class Table:
     rows are left out once all are on one clock. `numbers` are those of the rows in the whole table
     (the first is 0), where this is a part of one; `most` the bytes that columns which stay in their
     file may take together once they are read. `unreadable` are names that the file has beside
-    these, each with why it cannot be read and what to do.
+    these, each with why it cannot be read and what to do. Masked samples of a column are NaN.
     """
 
     label: str
@@ -173,6 +173,11 @@ class Table:
     numbers: NDArray[np.intp] | None = None
     most: float = math.inf
     unreadable: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        said = unmasking_notes((self.title(n), column) for n, column in enumerate(self.data))
+        object.__setattr__(self, "notes", (*self.notes, *said))
+        object.__setattr__(self, "data", tuple(map(unmasked, self.data)))
 
     @property
     def rows(self) -> int:
@@ -503,7 +508,8 @@ def _array(value: Any) -> Any:
     if isinstance(value, Mapping):
         return None
     try:
-        array = value if isinstance(value, OnDisk) else np.asarray(value)
+        kept = isinstance(value, (OnDisk, np.ma.MaskedArray))
+        array = value if kept else np.asarray(value)
     except ValueError:  # lists of unequal length
         return None
     if array.ndim == 2 and 1 in array.shape:
@@ -512,7 +518,7 @@ def _array(value: Any) -> Any:
 
 
 def _single(array: NDArray[Any]) -> Fact:
-    value = array.reshape(-1)[0]
+    value = unmasked(array).reshape(-1)[0]
     value = value.item() if hasattr(value, "item") else value
     return value if isinstance(value, (str, int, float)) else str(value)
 
