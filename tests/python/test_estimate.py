@@ -186,6 +186,14 @@ def test_a_log_without_anything_to_read_is_refused() -> None:
         flexspline.estimate(joint(CALIBRATION), log)
 
 
+def test_a_channel_that_is_empty_in_all_rows_is_named_where_nothing_can_be_estimated() -> None:
+    log = without(raw_log(500), "sensor_voltage")
+    empty = log.with_columns({"sensor_torque": np.full(500, np.nan)}, note="empty")
+    says = r"external_torque_sensor read: sensor_torque is NaN in all 500 rows; map"
+    with pytest.raises(InputError, match=says):
+        flexspline.estimate(joint(CALIBRATION), empty)
+
+
 def test_a_shorted_thermistor_gives_no_temperature_and_the_last_drift() -> None:
     log = raw_log(1000)
     voltage = log["thermistor_voltage"].copy()
