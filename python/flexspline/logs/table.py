@@ -191,10 +191,7 @@ class Table:
 
     def checked(self) -> Table:
         """Return this table if it can be a log: one with two rows of data or more."""
-        if not self.data or self.rows == 0:
-            raise InputError(f"{self.label}: no rows of data; record the run again")
-        if self.rows < 2:
-            raise InputError(f"{self.label}: only one row of data; a log needs two or more")
+        _require_two_rows(self.label, self.rows if self.data else 0)
         return self
 
     def without_first(self, count: int) -> Table:
@@ -376,6 +373,7 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         return from_value(value[inside[0]], label, None)
     columns = _columns(value, {name: arrays[name] for name in vectors})
     if not columns:
+        _require_more(label, value, known)
         raise InputError(
             f"{label}: no table is seen at once in {listed(inside)}; "
             "name the right part with variable="
@@ -387,6 +385,22 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         facts,
         notes=("arrays " + listed(columns),),
     )
+
+
+def _require_more(label: str, value: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """Refuse what has nothing in it, or nothing but vectors of a single row or none."""
+    if not value:
+        raise InputError(f"{label}: is empty; give arrays by the names of their columns")
+    rows = [array.size for array in known.values() if array.ndim == 1]
+    if len(rows) == len(value):
+        _require_two_rows(label, max(rows))
+
+
+def _require_two_rows(label: str, rows: int) -> None:
+    if rows == 0:
+        raise InputError(f"{label}: no rows of data; record the run again")
+    if rows < 2:
+        raise InputError(f"{label}: only one row of data; a log needs two or more")
 
 
 def _names_among(texts: list[NDArray[Any]], width: int) -> tuple[str, ...] | None:
