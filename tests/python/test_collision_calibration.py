@@ -151,6 +151,8 @@ def test_impossible_options_are_refused():
     with pytest.raises(InputError, match="other joints or another unit"):
         current = residual(quiet.values, unit="A")
         calibrate_detector([quiet, current], false_alarms_per_hour=None)
+    with pytest.raises(InputError, match="no joint 'observer'; it watches joints 1 to 1"):
+        calibrate_detector(quiet, false_alarms_per_hour=None).collision("observer")
     with pytest.raises(InputError, match="time does not increase"):
         Residual(np.zeros(3), np.zeros(3))
 

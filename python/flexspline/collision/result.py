@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from flexspline import _core
-from flexspline.errors import InputError
+from flexspline.errors import InputError, above_zero, number, shortened
 from flexspline.estimation import estimate
 from flexspline.estimators.external_torque import MOST_BANDS, Collision
 from flexspline.logs.log import Log, unmasked
@@ -442,8 +442,8 @@ class DetectorCalibration:
         return [*lines, f"  all thresholds in {self.unit}; joint 1 is the first column"]
 
     def _require(self, joint: int) -> None:
-        if not 1 <= joint <= self.joints:
-            raise InputError(f"detector: no joint {joint}; it watches joints 1 to {self.joints}")
+        if joint not in range(1, self.joints + 1):
+            raise InputError(f"detector: no joint {joint!r}; it watches joints 1 to {self.joints}")
 
 
 def detection_delay(
@@ -470,8 +470,9 @@ def detection_delay(
         Where threshold or gain are not above zero, or the probability is not within 0 and 1.
     """
     needed = _needed(threshold, gain, noise, probability)
+    sizes = _numbers(torque, "torque", "Nm")
     with np.errstate(divide="ignore"):
-        share = np.minimum(needed / np.abs(np.asarray(torque, dtype=float)), 1.0)
+        share = np.minimum(needed / np.abs(sizes), 1.0)
         return np.asarray(-np.log1p(-share) / gain)
 
 
@@ -496,7 +497,7 @@ def smallest_detectable_torque(
         As `detection_delay`, or where a duration is not above zero.
     """
     needed = _needed(threshold, gain, noise, probability)
-    lasting = np.asarray(duration, dtype=float)
+    lasting = _numbers(duration, "duration", "s")
     if not (lasting > 0.0).all():
         raise InputError(
             f"detection: duration = {float(lasting.min()):g} s is not allowed; give one above zero"
@@ -504,10 +505,22 @@ def smallest_detectable_torque(
     return np.asarray(needed / -np.expm1(-gain * lasting))
 
 
+def _numbers(values: ArrayLike, name: str, unit: str) -> Array:
+    """Numbers of any shape; NaN is one that is not known."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"detection: {name} = {shortened(repr(values))} holds something that is no number; "
+            f"give numbers in {unit}"
+        ) from None
+
+
 def _needed(threshold: float, gain: float, noise: float, probability: float) -> float:
-    for name, value in (("threshold", threshold), ("gain", gain)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"detection: {name} = {value:g} is not allowed; give one above zero")
+    above_zero(threshold, "detection: threshold", "Nm")
+    above_zero(gain, "detection: gain", "1/s")
+    number(noise, "detection: noise", "Nm")
+    number(probability, "detection: probability")
     if not (noise >= 0.0 and 0.0 < probability < 1.0):
         raise InputError(
             f"detection: noise = {noise:g}, probability = {probability:g}; give noise of zero or "

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, number
 from flexspline.estimation.plan import (
     READINGS,
     Plan,
@@ -529,6 +529,8 @@ def estimate(
     zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
     (14)–(20).
     """
+    if bandwidth is not None:
+        number(bandwidth, "estimate: bandwidth", "Hz")
     plan, logs = plan_of(model), as_logs(log)
     if not logs:
         raise InputError("there is no log to estimate from; give at least one")
