@@ -19,6 +19,7 @@ __all__ = [
     "numbers",
     "one_line",
     "printable",
+    "require_kind",
     "shortened",
 ]
 
@@ -48,7 +49,7 @@ class FlexsplineWarning(UserWarning):
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known word nearest to `word`, or nothing."""
     near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
-    return f" (did you mean '{near[0]}'?)" if near else ""
+    return f" (did you mean '{near[0]}'?)" if near and near[0] != word else ""
 
 
 def listed(words: Iterable[object], most: int = 20) -> str:
@@ -110,6 +111,15 @@ def numbers(values: Iterable[object], name: str, unit: str = "") -> tuple[float,
             f"{name} = {shortened(repr(values))} is no list of numbers; give a list"
         ) from None
     return tuple(number(value, f"{name}[{i}]", unit) for i, value in enumerate(given))
+
+
+def require_kind(value: object, kind: type, name: str) -> None:
+    """Refuse an argument that is not of the class that holds it, such as a dictionary of options.
+
+    `name` is what the sentence calls it; None is left out.
+    """
+    if value is not None and not isinstance(value, kind):
+        raise InputError(f"{name} is a {type(value).__name__}; give {kind.__name__}(...)")
 
 
 def in_unit(unit: str) -> str:

@@ -44,7 +44,7 @@ from flexspline.estimators import Calibration
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 from flexspline.schema import plain_json
 from flexspline.signals import IMAGINABLE
 
@@ -148,15 +148,12 @@ def calibrate(
     holds the spread of the zeros; blocks are read with the zero of the rest of their run.
     """
     from flexspline.logs.read import as_logs
-    from flexspline.model import Model
 
     runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to calibrate from; give at least one")
-    if not isinstance(into, Model | None):
-        raise InputError(
-            f"into is a {type(into).__name__}; give a model, as Model.load or a fit makes it"
-        )
+    if into is not None:
+        require_model(into, "into")
     asked = Asked(
         reference,
         _degree(degree),

@@ -30,7 +30,7 @@ from flexspline.logs.derive import differentiate, increasing_time, velocity_nois
 from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import runs
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 from flexspline.part import PART_OF, Part
 from flexspline.signals import gear_of, require_one_unit, torque_of_current
 
@@ -573,6 +573,7 @@ def simulate(
     logs = as_logs(log)
     if not logs:
         raise InputError("there is no log to simulate; give at least one")
+    require_model(model)
     part = model.part(target)
     how = partial(drive_inputs, controller=law, hold=inputs == "hold", horizon=horizon)
     made = [_simulated(model, part, one, how, steps_per_sample) for one in logs]
