@@ -307,7 +307,7 @@ class DetectorCalibration:
     def proven_rate(self) -> float:
         """False alarms per hour that the logs exclude by 95 %, with the alarms that they have.
 
-        3/T without one. The thresholds come from the same logs: fresh ones prove more.
+        3/T without one. The thresholds come from the same logs; `alarms_on` counts in others.
         """
         return proven_rate(self.hours, self.alarms)
 
