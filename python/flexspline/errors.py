@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Iterable
 from typing import Final
@@ -10,10 +11,15 @@ from typing import Final
 __all__ = [
     "FlexsplineWarning",
     "InputError",
+    "above_zero",
     "did_you_mean",
+    "in_unit",
     "listed",
+    "number",
+    "numbers",
     "one_line",
     "printable",
+    "require_kind",
     "shortened",
 ]
 
@@ -43,7 +49,7 @@ class FlexsplineWarning(UserWarning):
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known word nearest to `word`, or nothing."""
     near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
-    return f" (did you mean '{near[0]}'?)" if near else ""
+    return f" (did you mean '{near[0]}'?)" if near and near[0] != word else ""
 
 
 def listed(words: Iterable[object], most: int = 20) -> str:
@@ -72,6 +78,53 @@ def shortened(value: object, most: int = 200) -> str:
         text = "a number of thousands of digits"
     half = most // 2
     return text if len(text) <= most else f"{text[:half]} … {text[-half:]}"
+
+
+def number(value: object, name: str, unit: str = "") -> float:
+    """Return a finite number; `name` is what the sentence calls it."""
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if isinstance(value, (str, bytes, bool)) or not math.isfinite(found):
+        raise InputError(
+            f"{name} = {shortened(repr(value))} is no finite number; give one{in_unit(unit)}"
+        )
+    return found
+
+
+def above_zero(value: object, name: str, unit: str = "", *, or_zero: bool = False) -> float:
+    """Return a finite number above zero, or zero where that is allowed."""
+    found = number(value, name, unit)
+    if not (found > 0.0 or (or_zero and found == 0.0)):
+        least = "zero or more" if or_zero else "a number above zero"
+        raise InputError(f"{name} = {found:g} is not allowed; give {least}{in_unit(unit)}")
+    return found
+
+
+def numbers(values: Iterable[object], name: str, unit: str = "") -> tuple[float, ...]:
+    """Return finite numbers as a tuple."""
+    try:
+        given = tuple(values)
+    except TypeError:
+        raise InputError(
+            f"{name} = {shortened(repr(values))} is no list of numbers; give a list"
+        ) from None
+    return tuple(number(value, f"{name}[{i}]", unit) for i, value in enumerate(given))
+
+
+def require_kind(value: object, kind: type, name: str) -> None:
+    """Refuse an argument that is not of the class that holds it, such as a dictionary of options.
+
+    `name` is what the sentence calls it; None is left out.
+    """
+    if value is not None and not isinstance(value, kind):
+        raise InputError(f"{name} is a {type(value).__name__}; give {kind.__name__}(...)")
+
+
+def in_unit(unit: str) -> str:
+    """Return `` in Nm`` for use at the end of a sentence, or nothing."""
+    return f" in {unit}" if unit else ""
 
 
 def _printable(letter: str) -> str:

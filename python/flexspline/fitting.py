@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import OFFSET
-from flexspline.errors import InputError
+from flexspline.errors import InputError, require_kind
 from flexspline.progress import Progress
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
@@ -100,9 +100,13 @@ def fit(
         taken_out,
     )
     from flexspline.least_squares.ripple import with_found_orders
+    from flexspline.model import require_model
     from flexspline.prepared import preparations_for
     from flexspline.signals import require_one_unit, without_unread
 
+    require_kind(options, FitOptions, "options")
+    if into is not None:
+        require_model(into, "into")
     how = FitOptions() if options is None else options
     runs = runs_of(logs)
     chosen = with_orders(effects, orders or {})
@@ -365,6 +369,11 @@ def with_orders(
     """Return effects by their names, ripples with the orders that are given by name of effect."""
     from flexspline.least_squares.options import resolve
 
+    if not isinstance(orders, Mapping):
+        raise InputError(
+            f"orders is a {type(orders).__name__}; give a dictionary, from an effect's name to the "
+            "list of its orders"
+        )
     named = [effects] if isinstance(effects, (str, Effect)) else effects
     chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
     for name, its in orders.items():

@@ -60,6 +60,7 @@ __all__ = [
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
+    "require_model",
     "rows_outside",
     "sign_warnings",
     "widened",
@@ -611,6 +612,21 @@ def widened(low: float, high: float) -> tuple[float, float]:
     """Return the ends of a range with the margin on both sides."""
     slack = MARGIN * (high - low)
     return low - slack, high + slack
+
+
+def require_model(given: object, name: str = "model") -> None:
+    """Refuse what is no model, such as the path of one or a fit, and say how to give that one.
+
+    `name` is what the sentence calls it.
+    """
+    if isinstance(given, Model):
+        return
+    how = "a model, as Model.load or a fit makes it"
+    if isinstance(given, (str, os.PathLike)):
+        how = f"what it holds, Model.load({os.fspath(given)!r})"
+    elif isinstance(getattr(given, "model", None), Model):
+        how = "the model that it holds, its .model"
+    raise InputError(f"{name} is a {type(given).__name__}; give {how}")
 
 
 def refuse_warnings(said: Sequence[str]) -> None:

@@ -11,6 +11,7 @@ never smoothed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -18,7 +19,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, number
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
@@ -173,7 +174,7 @@ def learned(
     InputError
         For a bandwidth that does not suit the rate of a log.
     """
-    if bandwidth is not None and not bandwidth > 0.0:
+    if bandwidth not in (None, math.inf) and not number(bandwidth, "bandwidth", "Hz") > 0.0:
         raise InputError(
             f"bandwidth is {bandwidth!r}; give Hz above 0, or infinity for channels as recorded"
         )

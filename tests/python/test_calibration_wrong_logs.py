@@ -41,6 +41,14 @@ def test_a_saturated_converter_is_refused() -> None:
     refused("stays at exactly 0.9 V in .* saturated", changed(LOAD, sensor_voltage=clipped), DRIFT)
 
 
+@pytest.mark.parametrize("limit", [0.45, 0.35, 0.3])
+def test_a_converter_that_saturates_at_both_ends_is_refused(limit: float) -> None:
+    clipped = np.clip(LOAD["sensor_voltage"] - 0.5, -limit, limit)
+    says = rf"stays at exactly -?{limit:g} V in .* saturated"
+    refused(says, changed(LOAD, sensor_voltage=clipped), DRIFT)
+    refused(says, changed(LOAD, sensor_voltage=clipped), degree=0)
+
+
 def test_a_unipolar_converter_that_cannot_go_below_zero_is_refused() -> None:
     clipped = np.maximum(LOAD["sensor_voltage"], 0.0)
     refused("stays at exactly 0 V in .* saturated", changed(LOAD, sensor_voltage=clipped), degree=0)

@@ -94,6 +94,19 @@ def test_the_result_prints_what_hours_without_an_alarm_prove():
     assert "rests on the shape of the tail alone" in str(detector)
 
 
+def test_alarms_of_the_detector_on_its_own_logs_count_in_what_they_prove():
+    quiet = residual(noise("gauss", 0.1, np.random.default_rng(2)))
+    detector = calibrate_detector([quiet, quiet], false_alarms_per_hour=300.0)
+    contact = detector.detect(quiet)[:, 0]
+    alarms = 2 * np.count_nonzero(contact[1:] & ~contact[:-1])
+    assert alarms > 2 and not contact[0] and detector.alarms == alarms
+    # so few alarms or fewer are 5 % likely at the rate that is excluded
+    assert stats.poisson.cdf(alarms, detector.proven_rate * 0.2) == pytest.approx(0.05)
+    assert f"720 s with {alarms} alarms of this detector prove no more than" in str(detector)
+    record = detector.collision().record
+    assert record["proven_rate_per_hour"] == detector.proven_rate and record["alarms"] == alarms
+
+
 def test_bands_of_speed_have_thresholds_of_their_own():
     rng = np.random.default_rng(3)
     values, speed = noise("gauss", 0.6, rng), np.where(rng.random(216_000 // 3600) < 0.5, 0.1, 1.0)
@@ -138,6 +151,8 @@ def test_impossible_options_are_refused():
     with pytest.raises(InputError, match="other joints or another unit"):
         current = residual(quiet.values, unit="A")
         calibrate_detector([quiet, current], false_alarms_per_hour=None)
+    with pytest.raises(InputError, match="no joint 'observer'; it watches joints 1 to 1"):
+        calibrate_detector(quiet, false_alarms_per_hour=None).collision("observer")
     with pytest.raises(InputError, match="time does not increase"):
         Residual(np.zeros(3), np.zeros(3))
 

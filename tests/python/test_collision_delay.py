@@ -63,6 +63,20 @@ def test_impossible_thresholds_gains_and_probabilities_are_refused():
             detection_delay(0.1, **options)
 
 
+@pytest.mark.parametrize("wrong", ["threshold", "gain", "noise", "probability"])
+def test_settings_in_words_are_refused(wrong):
+    options = {"threshold": THRESHOLD, "gain": GAIN, wrong: "a"}
+    with pytest.raises(InputError, match=f"detection: {wrong} = 'a' is no finite number"):
+        detection_delay(0.1, **options)
+
+
+def test_torques_and_durations_in_words_are_refused():
+    for call, name in ((detection_delay, "torque"), (smallest_detectable_torque, "duration")):
+        for wrong in ([1, 2, "a"], "a", [[1], [1, 2]]):
+            with pytest.raises(InputError, match=f"detection: {name} = .* is no number; give"):
+                call(wrong, THRESHOLD, GAIN)
+
+
 def test_the_standstill_residual_sees_a_step_and_not_the_drift():
     time = np.arange(0.0, 10.0, 0.01)
     drift, rest = 5.0 + 0.1 * time, np.zeros_like(time)

@@ -229,6 +229,11 @@ WRONG = {
     "shape of another effect": (lambda: effect("offset", direction_width=0.1), "direction_width"),
     "shape too small": (lambda: effect("coulomb_friction", direction_width=0.0), "0.0001"),
     "shape not a number": (lambda: effect("coulomb_friction", direction_width=np.nan), "nan"),
+    "shape in words": (
+        lambda: effect("coulomb_friction", direction_width="0.1"),
+        "'coulomb_friction': direction_width = '0.1' is no finite number; give one in rad/s",
+    ),
+    "orders as one number": (lambda: effect("output_ripple", orders=2), "orders = 2 is no list"),
     "orders of an offset": (lambda: effect("offset", orders=[1]), "no orders"),
     "harmonics of an offset": (lambda: Effect("offset", {}, ((1, PAIR),)), "no orders"),
     "negative order": (lambda: effect("output_ripple", orders=[-2]), "order -2"),

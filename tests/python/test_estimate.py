@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -184,6 +186,40 @@ def test_a_log_without_anything_to_read_is_refused() -> None:
     log = without(raw_log(500), "sensor_voltage", "sensor_torque")
     with pytest.raises(InputError, match=r"no row has all that external_torque_sensor read"):
         flexspline.estimate(joint(CALIBRATION), log)
+
+
+def test_a_channel_that_is_empty_in_all_rows_is_named_where_nothing_can_be_estimated() -> None:
+    log = without(raw_log(500), "sensor_voltage")
+    empty = log.with_columns({"sensor_torque": np.full(500, np.nan)}, note="empty")
+    says = r"external_torque_sensor read: sensor_torque is NaN in all 500 rows; map"
+    with pytest.raises(InputError, match=says):
+        flexspline.estimate(joint(CALIBRATION), empty)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("model.json", r"model is a str; give what it holds, Model.load\('model.json'\)"),
+        (Path("model.json"), r"Path; give what it holds, Model.load\('model.json'\)"),
+        (SimpleNamespace(model=joint(CALIBRATION)), "give the model that it holds, its .model"),
+        (None, "model is a NoneType; give a model"),
+    ],
+)
+def test_what_is_no_model_is_refused_with_how_to_give_one(given: object, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        flexspline.estimate(given, raw_log(100))  # type: ignore[call-overload]
+    with pytest.raises(InputError, match=says):
+        flexspline.simulate(given, raw_log(100))  # type: ignore[call-overload]
+    if given is not None:
+        with pytest.raises(InputError, match=says):
+            flexspline.compare(given, raw_log(100))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("bandwidth", ["a", [5.0], True])
+def test_a_bandwidth_that_is_no_number_is_refused(bandwidth: object) -> None:
+    log = without(raw_log(500), "output_velocity")
+    with pytest.raises(InputError, match=r"bandwidth = .* is no finite number; give one in Hz"):
+        flexspline.estimate(whole_joint(), log, bandwidth=bandwidth)  # type: ignore[call-overload]
 
 
 def test_a_shorted_thermistor_gives_no_temperature_and_the_last_drift() -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import flexspline
 from flexspline import InputError, effect
+from flexspline.errors import above_zero, number
 from flexspline.estimators import (
     ESTIMATORS,
     Calibration,
@@ -23,7 +24,6 @@ from flexspline.estimators import (
     TemperatureCompensation,
     Thermistor,
 )
-from flexspline.estimators.checks import above_zero
 from flexspline.model import Model, Part
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
@@ -345,11 +345,20 @@ def test_what_is_no_estimator_is_refused():
         Model({}, {}, {"observers": Observer(80)})
     with pytest.raises(InputError, match="is a Merge"):
         Model({}, {}, {"observer": Merge(500, 0.001)})
+    with pytest.raises(InputError, match="'observer' is a method; give one of"):
+        Model({}, {}, {"observer": Observer(80).to_json})
 
 
 def test_the_names_are_public():
     for made in ESTIMATORS.values():
         assert getattr(flexspline, made.__name__) is made
+
+
+@pytest.mark.parametrize("value", ["5", b"5", "a", True, None, [5], {}, 10**400, np.nan, np.inf])
+def test_what_is_no_number_is_refused_and_shortened(value: object) -> None:
+    with pytest.raises(InputError, match=r"^gain = .* is no finite number; give one in 1/s$"):
+        number(value, "gain", "1/s")
+    assert number(np.float32(0.5), "gain") == 0.5
 
 
 def test_what_is_refused_is_said_with_its_unit_where_it_has_one() -> None:

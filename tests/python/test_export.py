@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -154,6 +155,10 @@ def test_a_model_of_several_parts_needs_a_target_for_a_header(tmp_path: Path) ->
         (ONE, {"format": "headr"}, "no export format 'headr' .did you mean 'header'"),
         (ONE, {"format": "elf"}, "json or fmu or simulink or mujoco-plugin or mujoco or urdf"),
         (ONE, {"format": "binary", "scalar": "half"}, "give float or double"),
+        (ONE, {"format": "header", "scalar": "half"}, "give float or double"),
+        ("model.json", {}, r"model is a str; give what it holds, Model.load\('model.json'\)"),
+        (SimpleNamespace(model=ONE), {}, "give the model that it holds, its .model"),
+        (None, {}, "model is a NoneType; give a model"),
         (ONE, {"target": "torsion"}, "no part for the target torsion"),
         (ONE, {"target": "torsion", "format": "json"}, "no part for the target torsion"),
         (Model({"sensor": SENSOR}, {"gear_ratio": 2.0**31}), {}, "effective ratio"),

@@ -227,6 +227,37 @@ WRONG = {
         {"bounds": {"direction_width": 0.1}},
         ["direction_width", "(low, high)"],
     ),
+    "orders as one number": (
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": 2}},
+        ["output_ripple", "orders = 2 is no list"],
+    ),
+    "orders without an effect": (
+        ["output_ripple"],
+        log_of,
+        {"orders": [2]},
+        ["orders is a list", "dictionary"],
+    ),
+    "low pass in words": (BASE, log_of, {"lowpass": "5"}, ["bandwidth = '5'", "in Hz"]),
+    "bandwidth in words": (
+        BASE,
+        log_of,
+        {"options": FitOptions(bandwidth="5")},
+        ["bandwidth = '5'", "in Hz"],
+    ),
+    "options as a dictionary": (
+        BASE,
+        log_of,
+        {"options": {"bandwidth": 3.0}},
+        ["options is a dict", "give FitOptions(...)"],
+    ),
+    "into the path of a model": (
+        BASE,
+        log_of,
+        {"into": "model.json"},
+        ["into is a str", "give what it holds, Model.load('model.json')"],
+    ),
     "shape fixed in words": (BASE, log_of, {"fixed": {"direction_width": "wide"}}, ["'wide'"]),
 }
 

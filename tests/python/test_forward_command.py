@@ -184,6 +184,19 @@ def test_behind_a_gap_it_begins_anew_and_says_so() -> None:
     assert [run.rmse for run in several] == [flexspline.simulate(MODEL, log).rmse] * 2
 
 
+@pytest.mark.parametrize("horizon", [-1.0, 0.0, float("nan"), "a", True])
+def test_a_horizon_that_is_no_time_is_refused(horizon: object) -> None:
+    sensor = Model({"sensor": flexspline.Part("sensor_torque", (effect("offset"),), np.ones(1))})
+    for model in (MODEL, sensor):
+        with pytest.raises(InputError, match=r"simulate: horizon = .* in s$"):
+            flexspline.simulate(model, recorded(), horizon=horizon)  # type: ignore[call-overload]
+
+
+def test_a_horizon_shorter_than_two_rows_is_refused_for_what_it_is() -> None:
+    with pytest.raises(InputError, match=r"no two rows within a horizon of 0\.002 s"):
+        flexspline.simulate(MODEL, recorded(), horizon=0.002)
+
+
 def test_a_result_speaks_in_a_notebook_too() -> None:
     made = flexspline.simulate(MODEL, recorded())
     assert f"RMSE {made.rmse:.4g} rad" in str(made)

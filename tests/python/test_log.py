@@ -117,6 +117,17 @@ def test_a_log_survives_pickling() -> None:
     assert not log["time"].flags.writeable
 
 
+def test_masked_samples_are_missing_ones() -> None:
+    whole = np.ma.masked_array(np.arange(4), mask=[False, True, False, True])
+    log = Log({"time": np.arange(4.0), "sensor_torque": whole})
+    assert log.history == ("masked samples are empty: 2 of sensor_torque",)
+    for made in (log, Log.from_arrays(time=np.arange(4.0), sensor_torque=1.0 * whole)):
+        np.testing.assert_array_equal(made["sensor_torque"], [0.0, np.nan, 2.0, np.nan])
+    assert whole[2] == 2 and np.ma.count_masked(whole) == 2
+    plain = Log({"time": np.arange(4.0), "sensor_torque": np.ma.masked_array(np.arange(4))})
+    assert plain.history == () and type(plain["sensor_torque"]) is np.ndarray
+
+
 def test_printing_shows_every_channel_with_its_unit() -> None:
     log = run(sensor_torque=[1, np.nan, 3, 4, 5])
     text, page = str(log), log._repr_html_()

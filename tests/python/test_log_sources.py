@@ -82,3 +82,30 @@ def test_what_is_no_log_is_told_in_a_sentence(wrong: Any, says: str) -> None:
     ):
         with pytest.raises(InputError, match=says):
             call()
+
+
+def masked_sources() -> dict[str, Any]:
+    time, torque = np.arange(50) / 100.0, np.ma.masked_array(np.arange(50))
+    torque[7] = np.ma.masked
+    rows = np.ma.zeros(50, dtype=[("time", float), ("sensor_torque", int)])
+    rows["time"], rows["sensor_torque"] = time, torque
+    stamps = np.array(1e9 * time, dtype="timedelta64[ns]")
+    return {
+        "dictionary": {"time": time, "sensor_torque": torque},
+        "of texts": {"time": time, "sensor_torque": torque.astype(str)},
+        "of stamps": {"time": np.ma.masked_array(stamps), "sensor_torque": 1.0 * torque},
+        "matrix": np.ma.column_stack([time, torque]),
+        "structured array": rows,
+    }
+
+
+@pytest.mark.parametrize("kind", masked_sources())
+def test_masked_samples_of_arrays_are_read_as_missing(kind: str) -> None:
+    numbered = {"time": 0, "sensor_torque": 1} if kind == "matrix" else None
+    log = flexspline.read_log(masked_sources()[kind], numbered)
+    assert np.flatnonzero(np.isnan(log["sensor_torque"])).tolist() == [7]
+    assert log["sensor_torque"][8] == 8.0 and np.isfinite(log["time"]).all()
+    assert "masked samples are empty: 1 of column" in log.history[0]
+    stamps = {"time": np.ma.masked_array(np.arange(9).astype("m8[s]"), np.arange(9) == 3)}
+    read = flexspline.read_log({**stamps, "sensor_torque": np.arange(9)})
+    assert np.flatnonzero(np.isnan(read["time"])).tolist() == [3]

@@ -8,7 +8,7 @@ from fit_logs import motion
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline import Plan
+from flexspline import InputError, Limits, Plan
 from flexspline.experiment.plan import Bounds
 from flexspline.experiment.planning import at_coarser_rate
 from flexspline.experiment.recording import kinds_for
@@ -86,3 +86,27 @@ def test_paths_of_every_kind_fit_into_runs_of_any_length(seconds: float) -> None
             angles = kind.draw(numbers, bounds).path(np.linspace(0.0, seconds, 200))[:, 0]
             assert bounds.position[0] - 1e-9 <= angles.min() <= angles.max()
             assert angles.max() <= bounds.position[1] + 1e-9
+
+
+@pytest.mark.parametrize("value", ["a", "3", (1.0, "a"), {}])
+def test_a_limit_that_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(InputError, match=r"the limit 'velocity' is .*; give a number"):
+        Limits(velocity=value)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"the limit 'position' is .*; give \(lowest, highest\)"):
+        Limits(position=value)  # type: ignore[arg-type]
+
+
+def test_what_is_no_limits_no_model_and_no_pair_is_refused_for_what_it_is() -> None:
+    log = loaded(0, 100.0, 10.0)
+    fit = flexspline.fit(["offset", "inertia"], log, "sensor_torque", checks=False)
+    pair = ("inertia", "gravity")
+    with pytest.raises(InputError, match=r"limits is a dict; give Limits\(...\)"):
+        flexspline.next_experiment(fit, pair, log, limits={"velocity": 3})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"limits is a dict; give Limits\(...\)"):
+        flexspline.discover(["offset"], log, limits={"velocity": 3})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"model is a str; give what it holds"):
+        flexspline.next_experiment("model.json", pair, log)  # type: ignore[arg-type]
+    lone: list[object] = ["gravity", flexspline.effect("gravity"), ["gravity"], [pair, "gravity"]]
+    for rivals in lone:
+        with pytest.raises(InputError, match="the rival 'gravity' stands alone; give pairs"):
+            flexspline.next_experiment(fit, rivals, log)  # type: ignore[arg-type]

@@ -295,6 +295,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         "has the targets 'sensor_torque'; give a list of",
     ),
     "a shape out of its bounds": (lambda: hump(width=5.0), "width = 5.0 rad/s is not within 0.02"),
+    "a shape in words": (lambda: hump(width="a"), "'hump': width = 'a' is no finite number; give"),
     "what is no own effect": (
         lambda: flexspline.discover(
             EASY,

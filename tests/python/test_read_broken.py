@@ -241,6 +241,9 @@ MEMORY: list[tuple[Any, dict[str, Any], str]] = [
         "data row 2, 'duty' is 2.5, no whole number",
     ),
     ({**TIMES, "q": np.array([1, 2j, 3])}, {"columns": Q}, "complex"),
+    ({}, {"columns": Q}, "dictionary: is empty; give arrays"),
+    ({"time": [], "q": []}, {"columns": Q}, "dictionary: no rows of data"),
+    ({"time": [0.0], "q": np.ones((1, 1))}, {"columns": Q}, "dictionary: only one row of data"),
     (
         {**TIMES, "q": [1, 2, 3]},
         {"columns": {"output_position": {"source": "q", "scale": "two"}}},

@@ -39,12 +39,12 @@ from flexspline.calibration.thermal import (
     run_zeros,
     zero_test,
 )
-from flexspline.errors import InputError
+from flexspline.errors import InputError, above_zero, number
 from flexspline.estimators import Calibration
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 from flexspline.schema import plain_json
 from flexspline.signals import IMAGINABLE
 
@@ -148,23 +148,20 @@ def calibrate(
     holds the spread of the zeros; blocks are read with the zero of the rest of their run.
     """
     from flexspline.logs.read import as_logs
-    from flexspline.model import Model
 
     runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to calibrate from; give at least one")
-    if not isinstance(into, Model | None):
-        raise InputError(
-            f"into is a {type(into).__name__}; give a model, as Model.load or a fit makes it"
-        )
+    if into is not None:
+        require_model(into, "into")
     asked = Asked(
         reference,
         _degree(degree),
-        _finite(reference_temperature, "reference_temperature", "°C"),
+        number(reference_temperature, "reference_temperature", "°C"),
         _or_fit(thermal_lag, "thermal_lag", "s", least=0.0),
         _or_fit(gradient, "gradient", "Nm/K"),
         None if sensitivity is None else _sensitivity(sensitivity),
-        None if full_scale is None else _above_zero(full_scale, "full_scale", "Nm"),
+        None if full_scale is None else above_zero(full_scale, "full_scale", "Nm"),
         _thermistor(thermistor, into),
         bool(zero_per_run),
     )
@@ -216,20 +213,8 @@ def _degree(degree: object) -> int:
     return int(str(degree))
 
 
-def _finite(value: Any, name: str, unit: str) -> float:
-    from flexspline.estimators.checks import number
-
-    return number(value, name, unit)
-
-
-def _above_zero(value: Any, name: str, unit: str) -> float:
-    from flexspline.estimators.checks import above_zero
-
-    return above_zero(value, name, unit)
-
-
 def _sensitivity(value: Any) -> float:
-    found = _finite(value, "sensitivity", "Nm/V")
+    found = number(value, "sensitivity", "Nm/V")
     if not 1.0 / IMAGINABLE <= abs(found) <= IMAGINABLE:
         what = "0 reads nothing" if found == 0.0 else f"{found:g} Nm/V is that of no sensor"
         raise InputError(f"sensitivity = {what}; give that of an earlier calibration")
@@ -241,7 +226,7 @@ def _or_fit(value: float | str, name: str, unit: str, least: float = -math.inf) 
         return None
     if isinstance(value, str):
         raise InputError(f"{name} = {value!r}; give a number in {unit}, or 'fit' to find it")
-    found = _finite(value, name, unit)
+    found = number(value, name, unit)
     if found < least:
         raise InputError(f"{name} = {found:g} {unit} is below {least:g}; give {least:g} or more")
     return found

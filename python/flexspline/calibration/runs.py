@@ -191,8 +191,10 @@ def _checked(used: Log, reference: str | None) -> list[str]:
     _require_possible(used)
     findings = check(used)
     findings.raise_errors()
-    for finding in findings.named("clipped_channel"):
-        if finding.channel == VOLTAGE and _is_saturated(used, finding, reference):
+    clipped = [f for f in findings.named("clipped_channel") if f.channel == VOLTAGE]
+    stands = np.isin(used[VOLTAGE], [finding.size for finding in clipped])
+    for finding in clipped:
+        if _is_saturated(used, finding, reference, stands):
             raise InputError(_saturated(used, finding))
     return [
         f"{used.name}: {finding.sentence}"
@@ -222,21 +224,24 @@ def _require_possible(log: Log) -> None:
             )
 
 
-def _is_saturated(log: Log, finding: Finding, reference: str | None) -> bool:
+def _is_saturated(
+    log: Log, finding: Finding, reference: str | None, stands: NDArray[np.bool_]
+) -> bool:
     """Whether the voltage would go on where it stands.
 
-    By the line through the other rows, where the reference moves: a plateau that a coarse
-    converter reads as one number lies on the line, a limit does not. Without a reference a voltage
-    that is noisy elsewhere and not coarse stands for no other reason.
+    By the line through the rows in which it stands (N,) at no limit, where the reference moves: a
+    plateau that a coarse converter reads as one number lies on the line, a limit does not, and at
+    two limits the rows of one would bend the line that the other is held against. Without a
+    reference a voltage that is noisy elsewhere and not coarse stands for no other reason.
     """
     values = log[finding.channel]
     at = values == finding.size
     if reference is None or _lost(log[reference]):
         return white_noise(values) > quantum(values)
-    slope, level = np.polyfit(log[reference][~at], values[~at], 1)
+    slope, level = np.polyfit(log[reference][~stands], values[~stands], 1)
     left = values - level - slope * log[reference]
     beyond = abs(float(left[at].mean()))
-    return beyond > BEYOND * float(left[~at].std()) + LEAST_BEYOND * float(np.ptp(values))
+    return beyond > BEYOND * float(left[~stands].std()) + LEAST_BEYOND * float(np.ptp(values))
 
 
 def _lost(torque: Array) -> bool:

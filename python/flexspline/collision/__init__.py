@@ -45,8 +45,8 @@ from flexspline.collision.result import (
     speed_bands,
     standstill_residual,
 )
-from flexspline.errors import InputError
-from flexspline.estimators.checks import above_zero, choice
+from flexspline.errors import InputError, above_zero
+from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import WATCHED
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
@@ -137,7 +137,7 @@ def calibrate_detector(
     thresholds = tuple(seen.threshold(cell, share, confidence, margin) for cell in seen.cells())
     if symmetric:
         thresholds = tuple(_higher(each, thresholds) for each in thresholds)
-    return DetectorCalibration(
+    made = DetectorCalibration(
         thresholds,
         false_alarms_per_hour,
         confidence,
@@ -148,8 +148,9 @@ def calibrate_detector(
         gap if hold is None else hold,
         watched[0].unit,
         tuple(each.name for each in watched),
-        tuple(_warnings(thresholds, false_alarms_per_hour, seen.hours)),
     )
+    made = replace(made, alarms=made.alarms_on(watched))
+    return replace(made, warnings=tuple(_warnings(made)))
 
 
 @dataclass(frozen=True)
@@ -310,7 +311,8 @@ def _apart(runs: Sequence[Residual]) -> float:
     )
 
 
-def _warnings(thresholds: Sequence[Threshold], stated: float | None, hours: float) -> Iterator[str]:
+def _warnings(made: DetectorCalibration) -> Iterator[str]:
+    thresholds, stated = made.thresholds, made.stated_rate
     if stated is None:
         yield "the largest value states no rate of false alarms: a longer log has a larger one"
         return
@@ -321,7 +323,7 @@ def _warnings(thresholds: Sequence[Threshold], stated: float | None, hours: floa
             f"single events stand out of the tails of {len(wild)} thresholds (ξ > {WILD:g}), most "
             f"in joint {worst.joint}, up to {worst.largest:.3g}: look there for a contact, a fault"
         )
-    far = 3.0 / hours / stated
+    far = made.proven_rate / stated
     if far > FAR:
         yield (
             f"the stated rate is {far:.3g} times below what the logs prove: it rests on the shape "

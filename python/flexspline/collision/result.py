@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from flexspline import _core
-from flexspline.errors import InputError
+from flexspline.errors import InputError, above_zero, number, shortened
 from flexspline.estimation import estimate
 from flexspline.estimators.external_torque import MOST_BANDS, Collision
-from flexspline.logs.log import Log
+from flexspline.logs.log import Log, unmasked
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.model import Model
 from flexspline.schema import plain_json
@@ -171,7 +171,7 @@ def _without_trend(time: Array, signal: Array, fast: float, slow: float) -> Arra
 
 
 def _columns(values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = np.asarray(unmasked(values), dtype=float)
     return array[:, None] if array.ndim == 1 else array
 
 
@@ -222,9 +222,13 @@ def speed_bands(speed_edges: ArrayLike) -> tuple[float, ...]:
     return tuple(edges.tolist())
 
 
-def proven_rate(hours: float, confidence: float = 0.95) -> float:
-    """Return the rate [1/h] that hours without an alarm exclude: −ln(1 − confidence) / T ≈ 3/T."""
-    return -math.log(1.0 - confidence) / hours
+def proven_rate(hours: float, alarms: int = 0, confidence: float = 0.95) -> float:
+    """Return the rate [1/h] above which so few alarms in so many hours are too unlikely.
+
+    The upper limit of a Poisson law: half of χ² with 2 (k + 1) degrees of freedom over T. Without
+    an alarm it is −ln(1 − confidence) / T ≈ 3/T.
+    """
+    return float(special.chdtri(2 * (alarms + 1), 1.0 - confidence)) / 2.0 / hours
 
 
 @dataclass(frozen=True)
@@ -278,6 +282,7 @@ class DetectorCalibration:
     unit : of the residual.
     runs : names of the logs.
     warnings : sentences on what the thresholds rest on.
+    alarms : that this detector gives on these logs, of all joints.
     """
 
     thresholds: tuple[Threshold, ...]
@@ -291,6 +296,7 @@ class DetectorCalibration:
     unit: str
     runs: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    alarms: int = 0
 
     @property
     def joints(self) -> int:
@@ -299,8 +305,11 @@ class DetectorCalibration:
 
     @property
     def proven_rate(self) -> float:
-        """False alarms per hour that the logs exclude by 95 % had they no alarm at all: 3/T."""
-        return proven_rate(self.hours)
+        """False alarms per hour that the logs exclude by 95 %, with the alarms that they have.
+
+        3/T without one. The thresholds come from the same logs; `alarms_on` counts in others.
+        """
+        return proven_rate(self.hours, self.alarms)
 
     def values(self, joint: int, direction: int) -> tuple[float, ...]:
         """Return the thresholds of one joint (1 to n) and direction, one for each band."""
@@ -330,6 +339,7 @@ class DetectorCalibration:
             "stated_rate_per_hour": self.stated_rate,
             "confidence": self.confidence,
             "hours": self.hours,
+            "alarms": self.alarms,
             "proven_rate_per_hour": self.proven_rate,
             "runs": list(self.runs),
             "thresholds": plain_json([asdict(t) for t in self.thresholds if t.joint == joint]),
@@ -367,6 +377,14 @@ class DetectorCalibration:
                 contact[rows, joint] = self._run(residual, joint, rows)
         return contact
 
+    def alarms_on(self, residuals: Sequence[Residual]) -> int:
+        """Return how often any joint comes into contact in these residuals."""
+        began = 0
+        for each in residuals:
+            contact = self.detect(each)
+            began += int(np.count_nonzero(np.diff(contact, axis=0, prepend=False) & contact))
+        return began
+
     def _run(self, residual: Residual, joint: int, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         found = _core.detect_collision(
             residual.time[rows],
@@ -392,9 +410,13 @@ class DetectorCalibration:
     def _head(self) -> list[str]:
         seconds = self.hours * 3600.0
         watched = f"{len(self.runs)} contact-free logs, {seconds:.4g} s"
+        had, law = "without an alarm", "3/T"
+        if self.alarms:
+            had = f"with {self.alarms} alarm{'s' * (self.alarms > 1)} of this detector"
+            law = f"Poisson's upper limit for {self.alarms} in T"
         proven = (
-            f"  {seconds:.4g} s without an alarm prove no more than {self.proven_rate:.3g} false "
-            "alarms per hour (3/T, 95 %)"
+            f"  {seconds:.4g} s {had} prove no more than {self.proven_rate:.3g} false "
+            f"alarms per hour ({law}, 95 %)"
         )
         if self.stated_rate is None:
             return [f"Thresholds by the largest value times a margin, {watched}", proven]
@@ -420,8 +442,8 @@ class DetectorCalibration:
         return [*lines, f"  all thresholds in {self.unit}; joint 1 is the first column"]
 
     def _require(self, joint: int) -> None:
-        if not 1 <= joint <= self.joints:
-            raise InputError(f"detector: no joint {joint}; it watches joints 1 to {self.joints}")
+        if joint not in range(1, self.joints + 1):
+            raise InputError(f"detector: no joint {joint!r}; it watches joints 1 to {self.joints}")
 
 
 def detection_delay(
@@ -448,8 +470,9 @@ def detection_delay(
         Where threshold or gain are not above zero, or the probability is not within 0 and 1.
     """
     needed = _needed(threshold, gain, noise, probability)
+    sizes = _numbers(torque, "torque", "Nm")
     with np.errstate(divide="ignore"):
-        share = np.minimum(needed / np.abs(np.asarray(torque, dtype=float)), 1.0)
+        share = np.minimum(needed / np.abs(sizes), 1.0)
         return np.asarray(-np.log1p(-share) / gain)
 
 
@@ -474,7 +497,7 @@ def smallest_detectable_torque(
         As `detection_delay`, or where a duration is not above zero.
     """
     needed = _needed(threshold, gain, noise, probability)
-    lasting = np.asarray(duration, dtype=float)
+    lasting = _numbers(duration, "duration", "s")
     if not (lasting > 0.0).all():
         raise InputError(
             f"detection: duration = {float(lasting.min()):g} s is not allowed; give one above zero"
@@ -482,10 +505,22 @@ def smallest_detectable_torque(
     return np.asarray(needed / -np.expm1(-gain * lasting))
 
 
+def _numbers(values: ArrayLike, name: str, unit: str) -> Array:
+    """Numbers of any shape; NaN is one that is not known."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"detection: {name} = {shortened(repr(values))} holds something that is no number; "
+            f"give numbers in {unit}"
+        ) from None
+
+
 def _needed(threshold: float, gain: float, noise: float, probability: float) -> float:
-    for name, value in (("threshold", threshold), ("gain", gain)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"detection: {name} = {value:g} is not allowed; give one above zero")
+    above_zero(threshold, "detection: threshold", "Nm")
+    above_zero(gain, "detection: gain", "1/s")
+    number(noise, "detection: noise", "Nm")
+    number(probability, "detection: probability")
     if not (noise >= 0.0 and 0.0 < probability < 1.0):
         raise InputError(
             f"detection: noise = {noise:g}, probability = {probability:g}; give noise of zero or "

@@ -14,7 +14,7 @@ import numpy as np
 from flexspline.errors import InputError
 from flexspline.logs.derive import increasing_time
 from flexspline.logs.log import Log, measurable
-from flexspline.model import PART_OF, Model, Part
+from flexspline.model import PART_OF, Model, Part, require_model
 from flexspline.progress import Progress
 from flexspline.signals import require_apart
 from flexspline.simulator import Remark, take
@@ -165,6 +165,8 @@ def _require_one_base(
         raise InputError(
             "there is nothing to compare with; give exactly one of a model and a simulation"
         )
+    if model is not None:
+        require_model(model)
     if simulated and foreign:
         raise InputError("simulated drives the model; leave it out where a simulation is the base")
     if not simulated_motion:

@@ -38,7 +38,7 @@ from flexspline.discovery.search import SearchContext, search_context_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, listed, require_kind
 from flexspline.experiment.plan import Limits
 from flexspline.fitting import fit, fit_near, held_out_near, with_orders
 from flexspline.formatting import short_names
@@ -142,6 +142,7 @@ def discover(
     the noise's memory where that agrees with plain least squares as for a right model, by plain
     least squares otherwise (`least_squares/assemble.py`).
     """
+    require_kind(limits, Limits, "limits")
     runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")

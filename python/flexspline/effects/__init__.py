@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from flexspline import _core
-from flexspline.errors import InputError, did_you_mean, listed, shortened
+from flexspline.errors import InputError, did_you_mean, listed, number, shortened
 
 __all__ = [
     "CATALOGUE",
@@ -184,7 +184,7 @@ class Effect:
                 raise InputError(
                     f"effect '{self.name}' has no shape '{name}'; it has {listed(known)}"
                 )
-            values[name] = float(value)
+            values[name] = number(value, f"effect '{self.name}': {name}", known[name].unit)
             if not known[name].lower <= values[name] <= known[name].upper:
                 raise InputError(
                     f"effect '{self.name}': {name} = {value} {known[name].unit} is not within "
@@ -245,7 +245,8 @@ class Effect:
         pairs = self.info.pairs
         if not pairs:
             raise InputError(f"effect '{self.name}' has no orders; leave them out")
-        harmonics: list[Harmonic] = [o if isinstance(o, tuple) else (o, pairs[0]) for o in orders]
+        given = _listed_orders(self.name, orders)
+        harmonics: list[Harmonic] = [o if isinstance(o, tuple) else (o, pairs[0]) for o in given]
         return replace(self, harmonics=tuple(sorted(harmonics, key=lambda h: (h[1], h[0]))))
 
     def without_load(self) -> Effect:
@@ -300,8 +301,17 @@ def effect(name: str, *, orders: Iterable[int | Harmonic] = (), **shapes: float)
             f"an effect is given by its name, not as {type(name).__name__}; give the effects "
             "first, then the runs"
         )
-    made, given = Effect(name, shapes), list(orders)
+    made, given = Effect(name, shapes), _listed_orders(name, orders)
     return made.with_orders(given) if given else made
+
+
+def _listed_orders(name: str, orders: Iterable[int | Harmonic]) -> list[int | Harmonic]:
+    if isinstance(orders, str) or not isinstance(orders, Iterable):
+        raise InputError(
+            f"effect '{name}': orders = {orders!r} is no list; give a list of whole numbers, such "
+            "as [1, 2]"
+        )
+    return list(orders)
 
 
 def require_effects(effects: Sequence[Effect], target: str) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, number
 from flexspline.estimation.plan import (
     READINGS,
     Plan,
@@ -37,6 +37,8 @@ from flexspline.estimation.plan import (
     joint_limits,
     made_by,
     plan_of,
+    readings_of,
+    reads_of,
     with_stage,
 )
 from flexspline.files import save_columns
@@ -527,6 +529,8 @@ def estimate(
     zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
     (14)–(20).
     """
+    if bandwidth is not None:
+        number(bandwidth, "estimate: bandwidth", "Hz")
     plan, logs = plan_of(model), as_logs(log)
     if not logs:
         raise InputError("there is no log to estimate from; give at least one")
@@ -564,7 +568,7 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     plan = with_stage(plan, log, bandwidth, said)
     log = measurable(with_motor_torque(log), said, plan.preprocessing.get("reading_checks", {}))
     columns = _columns(model, plan, log, run_joint(model, plan, log, said))
-    _require_something(columns, log, tuple(said))
+    _require_something(columns, plan, log, tuple(said))
     return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
 
 
@@ -615,14 +619,26 @@ def _columns(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> di
     return {**columns, "status": status.astype(np.float64)}
 
 
-def _require_something(columns: Mapping[str, Array], log: Log, said: tuple[str, ...]) -> None:
+def _require_something(
+    columns: Mapping[str, Array], plan: Plan, log: Log, said: tuple[str, ...]
+) -> None:
     estimates = [name for name in columns if name.startswith("external") or name == "contact"]
-    if not any(np.isfinite(columns[name]).any() for name in estimates):
-        why = f" ({said[-1]})" if said else ""
+    if any(np.isfinite(columns[name]).any() for name in estimates):
+        return
+    lacks = f"log '{log.name}': no row has all that {listed(estimates)} read"
+    read = reads_of(plan) | readings_of(plan)
+    if plan.has_sensor and "sensor_voltage" not in log:  # see `_sensing`
+        read.add("sensor_torque")
+    empty = [n for n in log.channels if n in read and not np.isfinite(log[n]).any()]
+    if empty:
         raise InputError(
-            f"log '{log.name}': no row has all that {listed(estimates)} read{why}; "
-            f"it has {listed(log.channels)}; map the columns that are missing"
+            f"{lacks}: {listed(empty)} {'is' if len(empty) == 1 else 'are'} NaN in all "
+            f"{len(log)} rows; map columns that hold values"
         )
+    why = f" ({said[-1]})" if said else ""
+    raise InputError(
+        f"{lacks}{why}; it has {listed(log.channels)}; map the columns that are missing"
+    )
 
 
 def run_joint(

@@ -46,7 +46,7 @@ from flexspline.estimators.checks import link_part, require_complete
 from flexspline.estimators.sensing import DERIVED
 from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 from flexspline.part import Part
 from flexspline.signals import gear_of
 
@@ -150,8 +150,10 @@ def plan_of(model: Model) -> Plan:
     Raises
     ------
     InputError
-        Where the model has nothing to estimate with, or an estimator lacks what it reads.
+        Where that is no model, it has nothing to estimate with, or an estimator lacks what it
+        reads.
     """
+    require_model(model)
     for part in model.parts.values():
         if part.simulated is not None:
             raise InputError(

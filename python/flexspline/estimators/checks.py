@@ -7,14 +7,13 @@ model without.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar
 
 from flexspline.effects.causes import INERTIA, MESH
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, in_unit, listed, numbers
 from flexspline.part import Part
 
 __all__ = [
@@ -22,13 +21,10 @@ __all__ = [
     "Entry",
     "Estimators",
     "Parts",
-    "above_zero",
     "choice",
     "has_effect",
     "json_record",
     "link_part",
-    "number",
-    "numbers",
     "require_complete",
     "require_estimators",
     "require_mesh",
@@ -45,42 +41,13 @@ Parts = Mapping[str, Part]
 MAKES = {"compliant_observer": 'Observer(..., input="compliance")'}
 
 
-def number(value: object, name: str, unit: str = "") -> float:
-    """Return a finite number; `name` is what the sentence calls it."""
-    try:
-        found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        found = math.nan
-    if isinstance(value, (str, bool)) or not math.isfinite(found):
-        raise InputError(f"{name} = {value!r} is no finite number; give one{_in(unit)}")
-    return found
-
-
-def above_zero(value: object, name: str, unit: str = "", *, or_zero: bool = False) -> float:
-    """Return a finite number above zero, or zero where that is allowed."""
-    found = number(value, name, unit)
-    if not (found > 0.0 or (or_zero and found == 0.0)):
-        least = "zero or more" if or_zero else "a number above zero"
-        raise InputError(f"{name} = {found:g} is not allowed; give {least}{_in(unit)}")
-    return found
-
-
-def numbers(values: Iterable[object], name: str, unit: str = "") -> tuple[float, ...]:
-    """Return finite numbers as a tuple."""
-    try:
-        given = tuple(values)
-    except TypeError:
-        raise InputError(f"{name} = {values!r} is no list of numbers; give a list") from None
-    return tuple(number(value, f"{name}[{i}]", unit) for i, value in enumerate(given))
-
-
 def span(values: Iterable[object] | None, name: str, unit: str) -> tuple[float, float] | None:
     """Return (low, high) with low < high, or None where nothing is known."""
     if values is None:
         return None
     found = numbers(values, name, unit)
     if len(found) != 2 or not found[0] < found[1]:
-        raise InputError(f"{name} = {list(found)} is no range; give low and high{_in(unit)}")
+        raise InputError(f"{name} = {list(found)} is no range; give low and high{in_unit(unit)}")
     return found[0], found[1]
 
 
@@ -132,10 +99,6 @@ class Entry:
             if needed and name not in content:
                 raise InputError(f"{label} lacks '{name}'; it needs a value")
         return cls(**content)
-
-
-def _in(unit: str) -> str:
-    return f" in {unit}" if unit else ""
 
 
 def require_complete(estimators: Estimators, parts: Parts) -> None:

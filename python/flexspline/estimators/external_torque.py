@@ -17,17 +17,15 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.effects.causes import INERTIA
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, above_zero, did_you_mean, listed, numbers
 from flexspline.estimators.checks import (
     Entry,
     Estimators,
     Parts,
-    above_zero,
     choice,
     has_effect,
     json_record,
     link_part,
-    numbers,
     require_estimators,
     require_mesh,
 )

@@ -10,17 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, above_zero, number, numbers
 from flexspline.estimators.checks import (
     ABSOLUTE_ZERO,
     Entry,
     Estimators,
     Parts,
-    above_zero,
     choice,
     json_record,
-    number,
-    numbers,
     span,
 )
 

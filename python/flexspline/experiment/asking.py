@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from flexspline.effects import Effect, effect
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, listed, require_kind
 from flexspline.experiment.plan import Limits
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.experiment.plan import Plan
@@ -79,6 +79,9 @@ def next_experiment(
     from flexspline.regression.candidate_model import restricted_whitening
 
     given = model_or_discovery
+    require_kind(limits, Limits, "limits")
+    if not isinstance(given, Fit) and not hasattr(given, "fit"):
+        require_model(given)
     fit = None if isinstance(given, Model) else given if isinstance(given, Fit) else given.fit
     model = given if isinstance(given, Model) else given.model
     part = model.part(target or (fit.target if fit is not None else None))
@@ -107,12 +110,17 @@ def _declared(given: Model | Fit | Discovery) -> list[tuple[str, Effect]]:
 
 def _asked(rivals: Pair | Iterable[Pair], part: Part) -> list[tuple[str, Effect]]:
     """Pairs with the name of the model's effect in front, and the rival behind."""
-    given = list(rivals)
+    given = [rivals] if isinstance(rivals, (str, Effect)) else list(rivals)
     single = len(given) == 2 and all(isinstance(one, (str, Effect)) for one in given)
     names, made = [e.name for e in part.effects], []
     own = {e.name: e for e in part.effects if e.own}
     for pair in [given] if single else given:
-        effects = [_effect(e, own) for e in pair]  # type: ignore[union-attr]
+        if isinstance(pair, (str, Effect)):
+            raise InputError(
+                f"the rival '{getattr(pair, 'name', pair)}' stands alone; give pairs, an effect of "
+                "the model and the one that may stand in its place"
+            )
+        effects = [_effect(e, own) for e in pair]
         inside = [e for e in effects if e.name in names]
         outside = [e for e in effects if e.name not in names]
         if len(inside) != 1 or len(outside) != 1:

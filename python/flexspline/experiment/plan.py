@@ -7,9 +7,11 @@ the questions that it would settle.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE
 from flexspline.effects.causes import GRAVITY
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.formatting import short_names
 from flexspline.lazy import render
 from flexspline.logs.log import IMAGINABLE, Log
@@ -193,11 +195,13 @@ def parsed_limits(given: dict[str, tuple[float, ...]]) -> Limits:
 
 
 def _checked(name: str, value: float | Range) -> None:
-    numbers = np.ravel(np.asarray(value, dtype=np.float64))
+    given = np.ravel(np.asarray(value, dtype=object)).tolist()
     wanted = 2 if name in RANGES else 1
-    if len(numbers) != wanted or not np.isfinite(numbers).all():
+    real = all(isinstance(one, Real) and math.isfinite(one) for one in given)
+    numbers = np.array(given if real else [], dtype=np.float64)
+    if len(numbers) != wanted:
         what = "(lowest, highest)" if wanted == 2 else "a number"
-        raise InputError(f"the limit '{name}' is {value}; give {what}")
+        raise InputError(f"the limit '{name}' is {shortened(repr(value))}; give {what}")
     if wanted == 2 and (numbers[0] > numbers[1] or (name == "position" and not np.ptp(numbers))):
         raise InputError(f"the limit '{name}' goes from {numbers[0]:g} to {numbers[1]:g}; "
                          "give the lowest first")  # fmt: skip

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
-from flexspline.exporting.block import block_bytes
+from flexspline.exporting.block import block_bytes, require_scalar
 from flexspline.exporting.coupling import Coupling, coupling_of
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.dcmotor import has_dcmotor
@@ -37,7 +37,7 @@ from flexspline.exporting.plugin import (
 from flexspline.files import atomic_write, whole_folder
 from flexspline.formatting import documented
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
+from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings, require_model
 from flexspline.own.effect import Header
 
 __all__ = [
@@ -266,6 +266,8 @@ def export(
     if format not in FORMATS:
         near = did_you_mean(format, FORMATS)
         raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
+    require_model(model)
+    require_scalar(scalar)
     _require_motors(format, dcmotor)
     _warn(model, target, strict)
     if format in JOINTS:

@@ -27,7 +27,7 @@ from flexspline.exporting.header import by_motor_encoder
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 
-__all__ = ["SCALARS", "block_bytes", "learned_model"]
+__all__ = ["SCALARS", "block_bytes", "learned_model", "require_scalar"]
 
 SCALARS = ("float", "double")
 VERSION = 2  # with the limits of readings
@@ -62,8 +62,7 @@ def block_bytes(model: Model, scalar: str = "float", target: str | None = None) 
     InputError
         For another scalar, a part that is not there, or a number that the scalar cannot hold.
     """
-    if scalar not in SCALARS:
-        raise InputError(f"there is no scalar '{scalar}'; give float or double")
+    require_scalar(scalar)
     block = _Block(scalar)
     if model.estimators and target is None:
         block.joint(model, plan_of(model))
@@ -72,6 +71,12 @@ def block_bytes(model: Model, scalar: str = "float", target: str | None = None) 
         block.model("model", model, part)
         block.limits(part_limits(part))
     return block.bytes()
+
+
+def require_scalar(scalar: str) -> None:
+    """Refuse what is no scalar of a program."""
+    if scalar not in SCALARS:
+        raise InputError(f"there is no scalar '{scalar}'; give float or double")
 
 
 def learned_model(model: Model, block: bytes | str | os.PathLike[str]) -> Model:

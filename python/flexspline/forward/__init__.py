@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, above_zero, listed
 from flexspline.files import save_columns
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.channels import CHANNELS
@@ -30,7 +30,7 @@ from flexspline.logs.derive import differentiate, increasing_time, velocity_nois
 from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import runs
-from flexspline.model import Model
+from flexspline.model import Model, require_model
 from flexspline.part import PART_OF, Part
 from flexspline.signals import gear_of, require_one_unit, torque_of_current
 
@@ -296,13 +296,23 @@ def _load_factor(part: Part, log: Log) -> float:
 
 
 def _stretches(log: Log, horizon: float | None) -> NDArray[np.intp]:
-    found = runs(log["time"])
-    if horizon is not None:
-        found = np.concatenate([_pieces(log["time"], a, b, horizon) for a, b in found.tolist()])
-    long = found[found[:, 1] - found[:, 0] >= 2]
-    if not len(long):
+    whole = _of_two_rows(runs(log["time"]))
+    if not len(whole):
         raise InputError(f"log '{log.name}': has no two rows without a gap; give a longer run")
-    return np.asarray(long)
+    if horizon is None:
+        return whole
+    pieces = [_pieces(log["time"], first, last, horizon) for first, last in whole.tolist()]
+    found = _of_two_rows(np.concatenate(pieces))
+    if not len(found):
+        raise InputError(
+            f"log '{log.name}': has no two rows within a horizon of {horizon:g} s; give a longer "
+            "horizon"
+        )
+    return found
+
+
+def _of_two_rows(ranges: NDArray[np.intp]) -> NDArray[np.intp]:
+    return np.asarray(ranges[ranges[:, 1] - ranges[:, 0] >= 2])
 
 
 def _pieces(time: Array, first: int, last: int, horizon: float) -> NDArray[np.intp]:
@@ -546,8 +556,8 @@ def simulate(
     Raises
     ------
     InputError
-        Without a log, inertia, motor torque or initial angle, with rows that have no value, and
-        where the motion runs away.
+        Without a log, inertia, motor torque or initial angle, with rows that have no value, for a
+        horizon that is not above zero or holds no two rows, and where the motion runs away.
     """
     if inputs not in ("linear", "hold"):
         raise InputError(f"inputs is '{inputs}'; give 'linear' or 'hold'")
@@ -555,12 +565,15 @@ def simulate(
         isinstance(steps_per_sample, int) and steps_per_sample >= 1
     ):
         raise InputError(f"steps_per_sample is {steps_per_sample!r}; give a whole number above 0")
+    if horizon is not None:
+        above_zero(horizon, "simulate: horizon", "s")
     law = (
         PositionServo.load(controller) if isinstance(controller, (str, os.PathLike)) else controller
     )
     logs = as_logs(log)
     if not logs:
         raise InputError("there is no log to simulate; give at least one")
+    require_model(model)
     part = model.part(target)
     how = partial(drive_inputs, controller=law, hold=inputs == "hold", horizon=horizon)
     made = [_simulated(model, part, one, how, steps_per_sample) for one in logs]

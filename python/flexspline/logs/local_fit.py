@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, number
 
 if TYPE_CHECKING:  # SciPy's parts take long to import: where they are used
     from scipy.sparse import csr_array
@@ -305,6 +305,7 @@ def _neighbour(
 
 def require_bandwidth(bandwidth: float, rate: float, what: str) -> None:
     """Refuse a bandwidth [Hz] that a log of this rate [Hz] cannot have."""
+    number(bandwidth, f"{what}: bandwidth", "Hz")
     if not NARROWEST * rate < bandwidth <= WIDEST * rate:
         least = "0" if bandwidth <= 0 else f"{NARROWEST * rate:.4g} Hz"
         raise InputError(

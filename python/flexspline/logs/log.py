@@ -13,7 +13,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
@@ -50,6 +50,8 @@ __all__ = [
     "measurable",
     "parsed_fact",
     "require_clock",
+    "unmasked",
+    "unmasking_notes",
 ]
 
 
@@ -104,7 +106,8 @@ class Log:
     ----------
     columns : mapping of str to array, shape (rows,)
         Names and SI units of `CHANNELS`; "time" [s] is always there. Arrays that can be
-        written to are copied (memory maps are not); what the log holds is read-only.
+        written to are copied (memory maps are not); what the log holds is read-only. Masked
+        samples are NaN.
     facts : mapping of str to str, float or int
         What does not change: `name`, `joint`, `gear_ratio`, `output_spline`, `pole_pairs`,
         `slots`, `torque_constant` [Nm/A], and anything else.
@@ -127,13 +130,16 @@ class Log:
 
     def __post_init__(self) -> None:
         label = f"log '{self.facts.get('name', 'log')}'"
-        columns = {name: _readonly(name, data, label) for name, data in self.columns.items()}
+        said = unmasking_notes(self.columns.items())
+        columns = {
+            name: _readonly(name, unmasked(data), label) for name, data in self.columns.items()
+        }
         _require_one_table(columns, label)
         ordered = {name: columns[name] for name in CHANNELS if name in columns}
         object.__setattr__(self, "columns", MappingProxyType(ordered))
         facts = checked_facts(self.facts, label)
         object.__setattr__(self, "facts", MappingProxyType(facts))
-        object.__setattr__(self, "history", tuple(self.history))
+        object.__setattr__(self, "history", (*self.history, *said))
 
     @classmethod
     def from_arrays(cls, *, facts: Mapping[str, Fact] | None = None, **columns: ArrayLike) -> Log:
@@ -299,6 +305,30 @@ def _readonly(name: str, data: ArrayLike, label: str) -> NDArray[np.float64]:
     values = values.copy() if borrowed else np.asarray(values).view()
     values.flags.writeable = False
     return values
+
+
+def unmasked(data: Any) -> Any:
+    """Return a masked array of NumPy with NaN for what is masked, and all else as it is."""
+    if not isinstance(data, np.ma.MaskedArray):
+        return data
+    values: NDArray[Any] = np.ma.getdata(data)
+    if not np.ma.is_masked(data):
+        return values
+    kind = values.dtype.kind
+    wide = np.float64 if kind in "biuf" else values.dtype if kind in "cmM" else object
+    values = np.array(values, dtype=wide)
+    values[np.ma.getmaskarray(data)] = "NaT" if kind in "mM" else np.nan
+    return values
+
+
+def unmasking_notes(columns: Iterable[tuple[str, Any]]) -> tuple[str, ...]:
+    """Return a sentence on how many samples `unmasked` empties in these columns, if any."""
+    counts = [
+        f"{np.count_nonzero(np.ma.getmaskarray(data))} of {name}"
+        for name, data in columns
+        if np.ma.is_masked(data)
+    ]
+    return (f"masked samples are empty: {listed(counts)}",) if counts else ()
 
 
 def _require_one_table(columns: Mapping[str, NDArray[np.float64]], label: str) -> None:

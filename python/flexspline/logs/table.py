@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.logs.log import Fact
+from flexspline.logs.log import Fact, unmasked, unmasking_notes
 from flexspline.logs.packed import PIECE, require_memory
 
 __all__ = [
@@ -157,7 +157,7 @@ class Table:
     rows are left out once all are on one clock. `numbers` are those of the rows in the whole table
     (the first is 0), where this is a part of one; `most` the bytes that columns which stay in their
     file may take together once they are read. `unreadable` are names that the file has beside
-    these, each with why it cannot be read and what to do.
+    these, each with why it cannot be read and what to do. Masked samples of a column are NaN.
     """
 
     label: str
@@ -174,6 +174,11 @@ class Table:
     most: float = math.inf
     unreadable: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        said = unmasking_notes((self.title(n), column) for n, column in enumerate(self.data))
+        object.__setattr__(self, "notes", (*self.notes, *said))
+        object.__setattr__(self, "data", tuple(map(unmasked, self.data)))
+
     @property
     def rows(self) -> int:
         """Number of rows of data, in the longest column."""
@@ -186,10 +191,7 @@ class Table:
 
     def checked(self) -> Table:
         """Return this table if it can be a log: one with two rows of data or more."""
-        if not self.data or self.rows == 0:
-            raise InputError(f"{self.label}: no rows of data; record the run again")
-        if self.rows < 2:
-            raise InputError(f"{self.label}: only one row of data; a log needs two or more")
+        _require_two_rows(self.label, self.rows if self.data else 0)
         return self
 
     def without_first(self, count: int) -> Table:
@@ -371,6 +373,7 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         return from_value(value[inside[0]], label, None)
     columns = _columns(value, {name: arrays[name] for name in vectors})
     if not columns:
+        _require_more(label, value, known)
         raise InputError(
             f"{label}: no table is seen at once in {listed(inside)}; "
             "name the right part with variable="
@@ -382,6 +385,22 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         facts,
         notes=("arrays " + listed(columns),),
     )
+
+
+def _require_more(label: str, value: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """Refuse what has nothing in it, or nothing but vectors of a single row or none."""
+    if not value:
+        raise InputError(f"{label}: is empty; give arrays by the names of their columns")
+    rows = [array.size for array in known.values() if array.ndim == 1]
+    if len(rows) == len(value):
+        _require_two_rows(label, max(rows))
+
+
+def _require_two_rows(label: str, rows: int) -> None:
+    if rows == 0:
+        raise InputError(f"{label}: no rows of data; record the run again")
+    if rows < 2:
+        raise InputError(f"{label}: only one row of data; a log needs two or more")
 
 
 def _names_among(texts: list[NDArray[Any]], width: int) -> tuple[str, ...] | None:
@@ -503,7 +522,8 @@ def _array(value: Any) -> Any:
     if isinstance(value, Mapping):
         return None
     try:
-        array = value if isinstance(value, OnDisk) else np.asarray(value)
+        kept = isinstance(value, (OnDisk, np.ma.MaskedArray))
+        array = value if kept else np.asarray(value)
     except ValueError:  # lists of unequal length
         return None
     if array.ndim == 2 and 1 in array.shape:
@@ -512,7 +532,7 @@ def _array(value: Any) -> Any:
 
 
 def _single(array: NDArray[Any]) -> Fact:
-    value = array.reshape(-1)[0]
+    value = unmasked(array).reshape(-1)[0]
     value = value.item() if hasattr(value, "item") else value
     return value if isinstance(value, (str, int, float)) else str(value)
 

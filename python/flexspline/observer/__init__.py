@@ -45,8 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
 from flexspline.effects.causes import INERTIA
-from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.estimators.checks import above_zero, numbers
+from flexspline.errors import FlexsplineWarning, InputError, above_zero, numbers
 from flexspline.estimators.external_torque import Observer
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs

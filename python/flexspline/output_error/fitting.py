@@ -36,7 +36,7 @@ from scipy.stats import t as student
 
 from flexspline.effects import Effect
 from flexspline.effects.causes import INERTIA
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, listed, require_kind
 from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward import DriveInputs, drive_inputs, require_no_delay
 from flexspline.forward.servo import PositionServo
@@ -504,6 +504,7 @@ def fit_motion(
     -----
     [Ljung1999], System identification, output-error models.
     """
+    require_kind(options, MotionOptions, "options")
     how = MotionOptions() if options is None else options
     settings, runs = settings_of(controller, how), runs_of(logs)
     chosen = with_orders(effects, orders or {})

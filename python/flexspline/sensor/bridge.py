@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
-from flexspline.errors import InputError
-from flexspline.estimators.checks import above_zero
+from flexspline.errors import InputError, above_zero
 from flexspline.formatting import short
 
 __all__ = [
