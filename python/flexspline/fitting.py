@@ -275,7 +275,7 @@ def _resolved(
     made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
     both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
     measured = [run.target for run in exact.runs]
-    told = resolved_rows(runs, measured, list(zip(*both, strict=True)), ways)
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
     return [a & b for a, b in zip(inside, told, strict=True)]
 
 

@@ -13,7 +13,7 @@ from recorded_joint import LOAD, base, runs
 import flexspline
 from flexspline.discovery.discovering import _Recorded, _task
 from flexspline.fitting import fit_near
-from flexspline.least_squares.problem import away_from_ends, problem_of, resolved_rows
+from flexspline.least_squares.problem import away_from_ends, problem_of
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.prepared import Preparation, learned
@@ -103,17 +103,6 @@ def test_a_jump_of_the_acceleration_is_no_row_of_a_fit_that_derives_it() -> None
     assert made.part.preparations and made.rmse < 0.075
     (inertia,) = (p for p in made.parameters if p.name == "inertia.inertia")
     assert abs(inertia.value - 0.9) < 3.0 * inertia.standard_error < 5e-4
-
-
-def test_in_the_middle_of_a_jump_two_smoothers_agree_and_both_are_off() -> None:
-    time = np.arange(0.0, 4.0, 1e-3)
-    log = Log.from_arrays(time=time, output_position=time)
-    jump = np.tanh((time - 2.0) / 0.01), np.tanh((time - 2.0) / 0.02)
-    noise_of_target = 0.05 * np.random.default_rng(0).normal(size=len(time))
-    ways = [Preparation("output_acceleration", "output_position", 40.0)]
-    (counted,) = resolved_rows([log], [np.sign(time - 2.0) + noise_of_target], [jump], ways)
-    assert jump[0][2000] == pytest.approx(jump[1][2000])
-    assert counted.mean() > 0.96 and not counted[1970:2030].any()
 
 
 def test_what_a_smoother_takes_of_a_jump_is_no_lag_of_the_sensor() -> None:

@@ -187,7 +187,7 @@ def _resolved(
         (run.modelled, blurred.predict(log, part.target, lowpass_hz=lowpass).predicted)
         for run, log in zip(runs, logs, strict=True)
     ]
-    told = resolved_rows(logs, [run.measured for run in runs], both, part.preparations)
+    told = resolved_rows(logs, [run.measured for run in runs], both)
     made = []
     for run, log, rows in zip(runs, logs, told, strict=True):
         counted = rows & away_from_ends(log, log, part.preparations)

@@ -321,7 +321,7 @@ class _Recorded:
         work, _ = started(fine, candidate_model_of(base, len(base), task.fixed), plain)
         both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(runs))]
         told = resolved_rows(
-            [run.log for run in fine.runs], [run.target for run in fine.runs], both, ways
+            [run.log for run in fine.runs], [run.target for run in fine.runs], both
         )
         blur = [np.nan_to_num(one - other) for one, other in both]
         return replace(made, counted=_all_of(told, made.counted), blur=blur)

@@ -628,39 +628,18 @@ def with_fastest(base: Sequence[Effect]) -> list[Effect]:
 
 
 def resolved_rows(
-    logs: Sequence[Log],
-    measured: Sequence[Array],
-    predicted: Sequence[tuple[Array, Array]],
-    ways: Sequence[Preparation],
+    logs: Sequence[Log], measured: Sequence[Array], predicted: Sequence[tuple[Array, Array]]
 ) -> Masks:
     """Return which rows of each run count, (N,).
-
-    Those at which the two predictions differ by no more than the noise, and so around them, RMS
-    over as many rows as the smoother reaches: in the middle of a sharp change it is off by most,
-    and the two are alike.
 
     Parameters
     ----------
     measured : target of each run, (N,).
     predicted : of each run, with the motion as it is prepared and smoothed further, (N,) both.
-    ways : how the motion was prepared.
     """
     left = [y - told for y, (told, _) in zip(measured, predicted, strict=True)]
     noise = float(np.median([_noise(log, rest) for log, rest in zip(logs, left, strict=True)]))
-    reach = _reach([way for way in ways if way.channel in MOTION])
-    made = []
-    for log, (told, other) in zip(logs, predicted, strict=True):
-        apart = np.abs(told - other)
-        made.append((apart <= noise) & (_around(apart, round(reach * log.rate)) <= noise))
-    return made
-
-
-def _around(values: Array, rows: int) -> Array:
-    """RMS of values over so many rows around each; those that are not known count as 0."""
-    from scipy.ndimage import uniform_filter1d
-
-    squares = uniform_filter1d(np.nan_to_num(values) ** 2, max(rows, 1))
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+    return [np.abs(told - other) <= noise for told, other in predicted]
 
 
 def _noise(log: Log, residual: Array) -> float:
