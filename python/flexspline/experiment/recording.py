@@ -462,7 +462,7 @@ def _run(
     log = Log(columns, dict(problem.runs[0].log.facts))
     if motor is not None:
         log = log.with_columns({"motor_torque": motor.torque(log)}, note="as the drive needs")
-    channels = core_channels(log, effects, problem.known_load)
+    channels = core_channels(log, effects, problem.known_load, problem.carried)
     stretches = [(int(a), int(b)) for a, b in runs(log["time"])]
     target = np.zeros(len(log))
     if problem.lowpass is not None:
