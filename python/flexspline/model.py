@@ -66,6 +66,7 @@ __all__ = [
     "refuse_warnings",
     "rows_outside",
     "sign_warnings",
+    "undetermined_gravity",
     "weight_left_out",
     "widened",
 ]
@@ -544,6 +545,24 @@ def carried_beside(
         f"estimate takes it off once more: fit the part for {part.target} with known_load="
         f"'{known_load}' (a channel of zeros where the joint was free), then the torsion again"
     ]
+
+
+def undetermined_gravity(part: Part) -> str:
+    """Return a sentence where the fit of a part did not tell its gravity from other effects."""
+    told = {entry["name"]: entry["state"] for entry in part.record.get("parameters", ())}
+    unknown = {name for name, state in told.items() if state == "not determined"}
+    if not any(name.startswith(f"{GRAVITY}.") for name in unknown):
+        return ""
+    groups = [set(group["names"]) for group in part.record.get("confounded", ())]
+    alike = {name for group in groups if group & unknown for name in group}
+    beside = sorted(short_names(n) for n in alike if not n.startswith(f"{GRAVITY}."))
+    whose = f": its runs do not tell it from {listed(beside)}" if beside else ""
+    return (
+        f"the gravity of the part for {part.target}, which is taken off the gear's torque, was not "
+        f"determined by its fit{whose}; external_torque_compliance may be off by any weight, most "
+        "at angles that its runs lack: fit that part again with runs over a wider range of the "
+        "joint's angle"
+    )
 
 
 def weight_left_out(torsion: Part, gravity: Part) -> str:

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline import Compliance, Fit, InputError, Model
+from flexspline import Compliance, Fit, InputError, Model, full_range
 from flexspline.exporting.coupling import without_log
 from flexspline.logs.log import Log
 from flexspline.report.html import model_facts
@@ -181,3 +181,26 @@ def test_discover_goes_on_with_the_weight() -> None:
     found = flexspline.discover(both.model, logs, target="torsion")
     assert found.fit.part.carried == both.part.carried
     assert found.fit.rmse == pytest.approx(both.rmse, rel=0.05)
+
+
+@cache
+def narrow() -> Model:
+    """Over 0.15 rad a cosine is an offset: two numbers of which one sum is known."""
+    return gear_of(hold(0.05), into=drive_of(swing=0.15).model).model
+
+
+def test_a_gravity_that_its_fit_did_not_determine_is_said_by_estimate_and_train() -> None:
+    """±19 Nm of offset and gravity that cancel in the drive fed the compliance in silence."""
+    states = {p["name"]: p["state"] for p in narrow().parts["drive"].record["parameters"]}
+    assert states["gravity.cosine"] == "not determined"
+    runs = [moving(seed, 0.15) for seed in (0, 1)]
+    trained = full_range.train(narrow(), runs, gain=60.0, methods=())
+    for sentences in (external(narrow(), runs[0])[1], trained.warnings):
+        (said,) = [one for one in sentences if "not determined" in one]
+        assert "the gravity of the part for motor_torque" in said and "offset" in said
+
+
+def test_a_gravity_that_is_determined_is_not_spoken_of() -> None:
+    trained = full_range.train(gear().model, [moving(0), moving(1)], gain=60.0, methods=())
+    for sentences in (external(gear().model, moving(0))[1], trained.warnings):
+        assert not any("determined" in one for one in sentences)

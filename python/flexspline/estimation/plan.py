@@ -46,7 +46,7 @@ from flexspline.estimators.checks import link_part, require_complete
 from flexspline.estimators.sensing import DERIVED
 from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log
-from flexspline.model import Model, gravity_on_gear, weight_left_out
+from flexspline.model import Model, gravity_on_gear, undetermined_gravity, weight_left_out
 from flexspline.part import Part
 from flexspline.signals import gear_of
 
@@ -286,7 +286,7 @@ def carried_warnings(model: Model) -> list[str]:
     gravity, torsion = gravity_on_gear(model), model.parts.get("torsion")
     if gravity is None or torsion is None:
         return []
-    return [*filter(None, (weight_left_out(torsion, gravity),))]
+    return [*filter(None, (undetermined_gravity(gravity), weight_left_out(torsion, gravity)))]
 
 
 def _without(part: Part, *names: str) -> Part:
