@@ -4,7 +4,8 @@
 
 This is zhang_disturbance_elimination (10) solved for V, and (11) where τ = 0. The drift's columns
 come from the core's compensation, fed with one coefficient at a time, so the fitted columns are
-those that run on the joint.
+those that run on the joint, but for where a body that lags starts: a joint has one reading of that,
+a run the rows behind it as well (`CalibrationRun.temperature_of_body`).
 
 The voltage is regressed on the reference, not the reference on the voltage as (25) has it: the
 reference is the trusted one, and noise in a regressor attenuates its coefficient by
@@ -284,14 +285,15 @@ class Shape:
 
 def drift_columns(run: CalibrationRun, shape: Shape) -> Array:
     """(N, degree + 1): (T_b − T₀)^k, and T − T_b last; units K^k."""
-    if run.temperature is None:
+    temperature = run.temperature_of_body if shape.lag > 0.0 else run.temperature
+    if temperature is None:
         return np.zeros((len(run), 1))
     ones = np.eye(max(shape.degree, 1))
     fed = [(tuple(row), 0.0) for row in ones[: shape.degree]] + [((0.0,), 1.0)]
     columns = [
         _core.temperature_compensation(
             run.log["time"],
-            run.temperature,
+            temperature,
             coefficients=coefficients,
             reference_temperature=shape.reference_temperature,
             gradient=gradient,
