@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import calibration_logs as bench
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from calibration_logs import FULL_SCALE, QUIET, Array, Bench
 
 from flexspline import InputError, Thermistor, _core, calibrate
+from flexspline.calibration import regression
 from flexspline.calibration.result import CalibrationResult
 from flexspline.calibration.runs import CalibrationRun, calibration_runs
 from flexspline.calibration.thermal import count_temperatures
@@ -190,6 +192,25 @@ def test_a_fitted_lag_removes_the_thermal_hysteresis_on_rows_never_seen_too() ->
     assert left.percent is not None and left.noise is not None
     assert left.percent < 2.0 * left.noise
     assert after.cv_rmse < before.cv_rmse
+
+
+def test_the_least_of_several_minima_over_the_lag_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A narrow minimum between two lags of the grid is passed over where another is wide."""
+
+    def squares(sums: object) -> SimpleNamespace:
+        logarithm = np.log(sums)  # the lag, as the sums below hold it
+        wide = 0.01 * (logarithm - np.log(0.5)) ** 2
+        narrow = 4.0 * (logarithm - np.log(LAG)) ** 2 - 0.1
+        return SimpleNamespace(residual_squares=1.0 + min(wide, narrow, 1.0))
+
+    monkeypatch.setattr(regression, "sums_of", lambda runs, shape, edges: shape.lag)
+    monkeypatch.setattr(regression, "solution_of", squares)
+    monkeypatch.setattr(regression, "_limits", lambda runs: np.array([0.2, 150.0]))
+    grid = np.linspace(np.log(0.2), np.log(150.0), regression.GRID)
+    seen = [squares(np.exp(point)).residual_squares for point in grid]
+    assert abs(grid[int(np.argmin(seen))] - np.log(0.5)) < 0.5  # the wide one, by the grid alone
+    shape = regression.Shape(2, 25.0, 0.0, True, 0.0, True, None)
+    assert regression.search_lag([], shape, []).value == pytest.approx(LAG, rel=1e-3)
 
 
 def test_a_given_lag_and_gradient_are_used_and_not_fitted() -> None:
