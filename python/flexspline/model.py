@@ -531,7 +531,8 @@ def carried_beside(
         return None, []
     carried = Carried(part.target, tuple(part.coefficients.tolist()))
     if part.known_load == known_load:
-        return carried, []
+        said = undetermined_gravity(part, "part of the load here", "offset and stiffness")
+        return carried, [said] if said else []
     there = [run for run in runs if known_load in run and "output_position" in run]
     weights = [np.abs(carried.torque(run)) for run in there]
     largest = max((float(np.nanmax(each)) for each in weights), default=0.0)
@@ -547,8 +548,11 @@ def carried_beside(
     ]
 
 
-def undetermined_gravity(part: Part) -> str:
-    """Return a sentence where the fit of a part did not tell its gravity from other effects."""
+def undetermined_gravity(part: Part, role: str, suffers: str) -> str:
+    """Return a sentence where the fit of a part did not tell its gravity from other effects.
+
+    `role`: what the gravity is here, and `suffers`: what is wrong by it.
+    """
     told = {entry["name"]: entry["state"] for entry in part.record.get("parameters", ())}
     unknown = {name for name, state in told.items() if state == "not determined"}
     if not any(name.startswith(f"{GRAVITY}.") for name in unknown):
@@ -558,10 +562,9 @@ def undetermined_gravity(part: Part) -> str:
     beside = sorted(short_names(n) for n in alike if not n.startswith(f"{GRAVITY}."))
     whose = f": its runs do not tell it from {listed(beside)}" if beside else ""
     return (
-        f"the gravity of the part for {part.target}, which is taken off the gear's torque, was not "
-        f"determined by its fit{whose}; external_torque_compliance may be off by any weight, most "
-        "at angles that its runs lack: fit that part again with runs over a wider range of the "
-        "joint's angle"
+        f"the gravity of the part for {part.target}, which is {role}, was not determined by its "
+        f"fit{whose}; {suffers} may be off by any weight, most at angles that its runs lack: fit "
+        "that part again with runs over a wider range of the joint's angle"
     )
 
 

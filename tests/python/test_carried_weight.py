@@ -189,18 +189,20 @@ def narrow() -> Model:
     return gear_of(hold(0.05), into=drive_of(swing=0.15).model).model
 
 
-def test_a_gravity_that_its_fit_did_not_determine_is_said_by_estimate_and_train() -> None:
+def test_a_gravity_that_its_fit_did_not_determine_is_said_where_it_is_read() -> None:
     """±19 Nm of offset and gravity that cancel in the drive fed the compliance in silence."""
     states = {p["name"]: p["state"] for p in narrow().parts["drive"].record["parameters"]}
     assert states["gravity.cosine"] == "not determined"
     runs = [moving(seed, 0.15) for seed in (0, 1)]
     trained = full_range.train(narrow(), runs, gain=60.0, methods=())
-    for sentences in (external(narrow(), runs[0])[1], trained.warnings):
-        (said,) = [one for one in sentences if "not determined" in one]
-        assert "the gravity of the part for motor_torque" in said and "offset" in said
+    again = gear_of(hold(0.05), into=narrow())
+    for sentences in (external(narrow(), runs[0])[1], trained.warnings, again.warnings):
+        (said,) = [one for one in sentences if "was not determined" in one]
+        assert "the gravity of the part for motor_torque" in said
+        assert "do not tell it from offset" in said
 
 
 def test_a_gravity_that_is_determined_is_not_spoken_of() -> None:
     trained = full_range.train(gear().model, [moving(0), moving(1)], gain=60.0, methods=())
-    for sentences in (external(gear().model, moving(0))[1], trained.warnings):
-        assert not any("determined" in one for one in sentences)
+    for sentences in (external(gear().model, moving(0))[1], trained.warnings, gear().warnings):
+        assert not any("was not determined" in one for one in sentences)

@@ -286,7 +286,9 @@ def carried_warnings(model: Model) -> list[str]:
     gravity, torsion = gravity_on_gear(model), model.parts.get("torsion")
     if gravity is None or torsion is None:
         return []
-    return [*filter(None, (undetermined_gravity(gravity), weight_left_out(torsion, gravity)))]
+    off = "taken off the gear's torque", "external_torque_compliance"
+    said = undetermined_gravity(gravity, *off), weight_left_out(torsion, gravity)
+    return [*filter(None, said)]
 
 
 def _without(part: Part, *names: str) -> Part:
