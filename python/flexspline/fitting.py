@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.logs.read import LogLike
     from flexspline.model import Model
     from flexspline.prepared import Preparation
+    from flexspline.signals import Carried
     from flexspline.simulator import Simulated
 
 __all__ = ["checked", "fit", "fit_near", "posing", "runs_of", "solved", "with_orders"]
@@ -70,7 +71,10 @@ def fit(
     bounds : {"viscous_friction": (0, None)}: limits; a parameter that ends there is said to.
     priors : {"inertia": (0.0192, 0.001)}: value and standard error known from elsewhere.
     checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
-    into : a model of the same joint that receives this part.
+    into : a model of the same joint that receives this part. A torsion follows the torque through
+        the gear: `known_load` plus the gravity of the model's drive (or sensor), where that was
+        fitted beside the same known load. Without a known load of its own it may be in the channel
+        already, and a warning says that it is taken to.
     options : what few calls need, see `FitOptions`.
 
     Returns
@@ -100,7 +104,7 @@ def fit(
         taken_out,
     )
     from flexspline.least_squares.ripple import with_found_orders
-    from flexspline.model import require_model
+    from flexspline.model import carried_beside, require_model
     from flexspline.prepared import preparations_for
     from flexspline.signals import require_one_unit, without_unread
 
@@ -116,6 +120,8 @@ def fit(
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
     read, warnings = without_unread(runs, chosen, target, known_load)
     warnings += checked(read, chosen, target, known_load) if checks else []
+    carried, unsure = carried_beside(into, read, target, known_load)
+    warnings += unsure
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
     own = own_terms(chosen, how, [*given.fixed], len(runs))
     centred = own == (ZERO,) and taken_out(chosen, runs, given)
@@ -133,6 +139,7 @@ def fit(
         how,
         own=() if centred else own,
         simulated=simulated,
+        carried=carried,
         taken_out={"centred": centred, "projected": projected},
     )
 
@@ -165,6 +172,7 @@ def posing(
     *,
     own: Sequence[str] = (),
     simulated: Simulated | None = None,
+    carried: Carried | None = None,
     taken_out: Mapping[str, Any] | None = None,
 ) -> tuple[dict[str, ChannelNoise], Callable[[Sequence[Effect]], Problem]]:
     """Make runs ready for a fit: what a fit does before it has rows, and nothing after.
@@ -172,7 +180,7 @@ def posing(
     Parameters
     ----------
     effects : as they are asked for; which rows count depends on what they read.
-    own, simulated : as `problem_of` takes them.
+    own, simulated, carried : as `problem_of` takes them.
     taken_out : `centred` and `projected` of the problem.
 
     Returns
@@ -206,6 +214,7 @@ def posing(
             inputs=inputs,
             counted=rows,
             simulated=simulated,
+            carried=carried,
         )
         return replace(made, **(taken_out or {}))
 

@@ -22,6 +22,7 @@ from flexspline.effects import Effect, slices_of, unit_in
 from flexspline.effects.causes import (
     COULOMB,
     COULOMB_PER_DIRECTION,
+    GRAVITY,
     INERTIA,
     OFFSET,
     POLYNOMIAL_FRICTION,
@@ -44,7 +45,7 @@ from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
-from flexspline.signals import channels_for, core_channels, gear_of, target_of
+from flexspline.signals import Carried, channels_for, core_channels, gear_of, target_of
 from flexspline.simulator import paired, simulation_of
 
 __all__ = [
@@ -54,7 +55,10 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "carried_beside",
     "fitted_to",
+    "gravity_on_gear",
+    "load_words",
     "lowpass_remark",
     "own_of_runs",
     "part_warnings",
@@ -63,6 +67,8 @@ __all__ = [
     "require_model",
     "rows_outside",
     "sign_warnings",
+    "undetermined_gravity",
+    "weight_left_out",
     "widened",
 ]
 
@@ -85,6 +91,10 @@ CHI_SQUARED_95 = 5.991465  # of two degrees of freedom: cosine and sine of an or
 # their noise. Of five rig runs, each beside the fit of the others, 3 are warned of without it and
 # none at 0.025 to 0.1; of five lab runs that truly differ, 5 at 0.025, 4 at 0.05, 2 at 0.1.
 MARGIN = 0.05
+
+LITTLE = 0.01
+"""Share of a load's range up to which a weight beside it is not worth a word: gravity that a fit
+finds where there is none is that of its noise."""
 
 TURN = 2.0 * np.pi
 ANGLES = ("output_position", "motor_position")  # no effect tells one turn from another
@@ -308,7 +318,7 @@ class Model:
         part = self.part(target)
         log = prepared(measurable(as_log(log))[0], part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
-        channels = core_channels(log, part.effects, part.known_load)
+        channels = core_channels(log, part.effects, part.known_load, part.carried)
         return np.asarray(self._design(part, log).rows(channels, len(log), part.coefficients))
 
     def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
@@ -436,7 +446,7 @@ class Model:
 
     def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
         """Prediction (N,); NaN where a channel that it reads is not finite."""
-        channels = core_channels(log, part.effects, part.known_load)
+        channels = core_channels(log, part.effects, part.known_load, part.carried)
         if not _by_motor_encoder(part, log):
             channels.pop("motor_position", None)
         values = np.asarray(self._design(part, log).predict(channels, len(log), coefficients))
@@ -498,6 +508,92 @@ def _by_motor_encoder(part: Part, log: Log) -> bool:
             "log lacks; map a column to it or fit the model without"
         )
     return "motor_position" in fitted
+
+
+def gravity_on_gear(model: Model) -> Part | None:
+    """Return gravity alone, of the drive's part, else of the sensor's: what a gear carries too."""
+    for name in ("drive", "sensor"):
+        part = model.parts.get(name)
+        if part is not None and part.unit == "Nm" and any(e.name == GRAVITY for e in part.effects):
+            return part.keeping(lambda effect: effect.name == GRAVITY)
+    return None
+
+
+def carried_beside(
+    model: Model | None, runs: Sequence[Log], target: str, known_load: str | None
+) -> tuple[Carried | None, list[str]]:
+    """Return the weight that twists a gear beside a known load, and what is to be said of it.
+
+    It is the gravity that `estimate` takes off the gear's torque, where that was fitted beside the
+    same known load, so that the load does not hold it. Where it was not, the load may.
+    """
+    part = None if model is None or target != "torsion" else gravity_on_gear(model)
+    if part is None or known_load is None or part.simulated is not None:
+        return None, []
+    carried = Carried(part.target, tuple(part.coefficients.tolist()))
+    if part.known_load == known_load:
+        said = undetermined_gravity(part, "part of the load here", "offset and stiffness")
+        return carried, [said] if said else []
+    there = [run for run in runs if known_load in run and "output_position" in run]
+    weights = [np.abs(carried.torque(run)) for run in there]
+    largest = max((float(np.nanmax(each)) for each in weights), default=0.0)
+    load = max((float(np.ptp(run[known_load])) for run in there), default=0.0)
+    if not largest > LITTLE * load:
+        return None, []
+    return None, [
+        f"{carried.words} is up to {largest:.3g} Nm at the angles of these runs, and that part was "
+        f"not fitted beside {known_load}, so whether {known_load} holds this weight is not known. "
+        "It is taken to hold it; if it does not, the weight is in offset and stiffness here, and "
+        f"estimate takes it off once more: fit the part for {part.target} with known_load="
+        f"'{known_load}' (a channel of zeros where the joint was free), then the torsion again"
+    ]
+
+
+def undetermined_gravity(part: Part, role: str, suffers: str) -> str:
+    """Return a sentence where the fit of a part did not tell its gravity from other effects.
+
+    `role`: what the gravity is here, and `suffers`: what is wrong by it.
+    """
+    told = {entry["name"]: entry["state"] for entry in part.record.get("parameters", ())}
+    unknown = {name for name, state in told.items() if state == "not determined"}
+    if not any(name.startswith(f"{GRAVITY}.") for name in unknown):
+        return ""
+    groups = [set(group["names"]) for group in part.record.get("confounded", ())]
+    alike = {name for group in groups if group & unknown for name in group}
+    beside = sorted(short_names(n) for n in alike if not n.startswith(f"{GRAVITY}."))
+    whose = f": its runs do not tell it from {listed(beside)}" if beside else ""
+    return (
+        f"the gravity of the part for {part.target}, which is {role}, was not determined by its "
+        f"fit{whose}; {suffers} may be off by any weight, most at angles that its runs lack: fit "
+        "that part again with runs over a wider range of the joint's angle"
+    )
+
+
+def weight_left_out(torsion: Part, gravity: Part) -> str:
+    """Return a sentence where a gear's torsion was fitted without the weight that is taken off it.
+
+    That is where the gravity was found beside the same known load, which so does not hold it.
+    """
+    known = torsion.known_load
+    if known is None or torsion.carried is not None or gravity.known_load != known:
+        return ""
+    low, high = torsion.record.get("validity", {}).get("known_load", (0.0, 0.0))
+    weight = float(np.hypot(*gravity.coefficients))
+    if not weight > LITTLE * (high - low):
+        return ""
+    return (
+        f"the part for torsion was fitted to {known} alone, without the gravity of the part for "
+        f"{gravity.target} (up to {weight:.3g} Nm) that is taken off the gear's torque, so that "
+        "external_torque_compliance is off by the weight at the angles of its runs: fit the "
+        "torsion again into this model"
+    )
+
+
+def load_words(part: Part) -> str:
+    """Return what a part's effects read as the known load, in words."""
+    if part.known_load is None:
+        return "none"
+    return part.known_load + (f" + {part.carried.words}" if part.carried is not None else "")
 
 
 def part_warnings(part: Part) -> list[str]:
@@ -583,7 +679,7 @@ def range_warnings(part: Part, log: Log) -> list[str]:
     found = rows_outside(part, log)
     if not found:
         return []
-    channels = core_channels(log, part.effects, part.known_load)
+    channels = core_channels(log, part.effects, part.known_load, part.carried)
     named = []
     for name, rows in found.items():
         reached, (low, high) = channels[name][rows], part.record["validity"][name]
@@ -603,7 +699,7 @@ def range_warnings(part: Part, log: Log) -> list[str]:
 def rows_outside(part: Part, log: Log) -> dict[str, NDArray[np.bool_]]:
     """Return the rows outside of the part's ranges, (N,) by channel; channels that have any."""
     ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
-    channels = core_channels(log, part.effects, part.known_load)
+    channels = core_channels(log, part.effects, part.known_load, part.carried)
     rows = {name: _beyond(name, channels[name], *ranges[name]) for name in channels.keys() & ranges}
     return {name: rows[name] for name in ranges if name in rows and rows[name].any()}
 

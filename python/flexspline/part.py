@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from flexspline.effects import UNITS, Effect, require_effects, slices_of
 from flexspline.errors import InputError
+from flexspline.logs.log import Log
 from flexspline.own.effect import OwnEffect, declaration, of_file
 from flexspline.prepared import Preparation, preparations_of
+from flexspline.signals import Carried
 from flexspline.simulator import Simulated
 
 __all__ = ["PART_OF", "SIDES", "Part", "part_from_json", "part_to_json"]
@@ -93,6 +95,17 @@ class Part:
     def preparations(self) -> tuple[Preparation, ...]:
         """How channels are to be made before the effects read them."""
         return preparations_of(self.record)
+
+    @property
+    def carried(self) -> Carried | None:
+        """The weight that the effects read as part of the load, or None."""
+        return Carried.of(self.record)
+
+    def load(self, log: Log) -> Array:
+        """Return what the effects read as the known load, (N,), Nm, of a log that holds it."""
+        assert self.known_load is not None
+        load = np.asarray(log[self.known_load])
+        return load if self.carried is None else load + self.carried.torque(log)
 
     def preparing(self, ways: Iterable[Preparation]) -> Part:
         """Return the part whose effects read channels made in these ways."""

@@ -6,17 +6,27 @@ motor_current   y = i − τ_load / (Ñ k_t)   [A]
 torsion         y = q Ñ − θ               [rad]
 
 What logs and effects must have before that: finite values, a load, one gear.
+
+Effects read the load that the gear transmits. The weight of the link is no part of τ_load where a
+drive's gravity was fitted beside it; a torsion then follows the sum
+
+    τ_gear = τ_load + g(q)
+
+of which `estimate` takes g(q) off again. The link's inertia passes the gear too, but a drive's fit
+knows it in a sum with the rotor's, which does not: it is in neither.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
+from flexspline.effects.causes import GRAVITY
 from flexspline.errors import InputError, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.dependence import called, copies
@@ -24,9 +34,11 @@ from flexspline.logs.derive import differentiate
 from flexspline.logs.log import IMAGINABLE, LEAST, Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
+from flexspline.own import design_of
 
 __all__ = [
     "IMAGINABLE",
+    "Carried",
     "channels_for",
     "channels_read",
     "core_channels",
@@ -44,12 +56,59 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+POSITION = "output_position"
+
 _PER_TARGET = {
     "sensor_torque": ("sensor_torque",),
     "motor_torque": ("motor_torque",),
     "motor_current": ("motor_current",),
     "torsion": ("output_position", "motor_position"),
 }
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The weight that a gear carries beside τ_load: gravity as another part of the model knows it.
+
+    Parameters
+    ----------
+    target : of that part.
+    coefficients : of its gravity, Nm, in the order of the effect's terms.
+    """
+
+    target: str
+    coefficients: tuple[float, ...]
+
+    @property
+    def words(self) -> str:
+        return f"the gravity of the part for {self.target}"
+
+    def torque(self, log: Log) -> Array:
+        """Return the weight at the output's angle, (N,), Nm.
+
+        Raises
+        ------
+        InputError
+            Where the log lacks the angle.
+        """
+        if POSITION not in log:
+            raise InputError(
+                f"log '{log.name}': the gear's load holds {self.words}, which needs the channel "
+                f"{POSITION}; it has {listed(log.channels)}; map a column to it"
+            )
+        position = {POSITION: np.ascontiguousarray(log[POSITION])}
+        design = design_of([Effect(GRAVITY)], gear_of({}, motor_encoder=False))
+        return np.asarray(design.predict(position, len(log), np.array(self.coefficients)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as `model.json` holds it."""
+        return {"target": self.target, "coefficients": [*self.coefficients]}
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Carried | None:
+        """Return what a part's record says; models made before this say nothing."""
+        made = record.get("carried")
+        return made and cls(str(made["target"]), tuple(map(float, made["coefficients"])))
 
 
 def target_of(log: Log, target: str, known_load: str | None) -> Array:
@@ -198,8 +257,10 @@ def without_unread(
     return left, said
 
 
-def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -> dict[str, Array]:
-    """Return the channels that the core reads, by its names.
+def core_channels(
+    log: Log, effects: Sequence[Effect], known_load: str | None, carried: Carried | None = None
+) -> dict[str, Array]:
+    """Return the channels that the core reads, by its names; `carried` is part of the load.
 
     `time` [s] counts from the first row. Effects that remember get the `period` [s] since the row
     before, 0 where the memory starts anew: at the first row and behind each gap.
@@ -212,7 +273,8 @@ def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -
     if "time" in channels:
         channels["time"] = channels["time"] - channels["time"][0]
     if known_load is not None and known_load in log:
-        channels["known_load"] = np.ascontiguousarray(log[known_load])
+        load = log[known_load] if carried is None else log[known_load] + carried.torque(log)
+        channels["known_load"] = np.ascontiguousarray(load)
     if any(effect.info.remembers for effect in effects):
         channels["period"] = np.diff(log["time"], prepend=log["time"][:1])
         channels["period"][runs(log["time"])[:, 0]] = 0.0

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import calibration_logs as bench
 import numpy as np
 import pytest
-from calibration_logs import FULL_SCALE, QUIET, Bench
+from calibration_logs import FULL_SCALE, QUIET, Array, Bench
 
 from flexspline import InputError, Thermistor, _core, calibrate
+from flexspline.calibration import regression
 from flexspline.calibration.result import CalibrationResult
+from flexspline.calibration.runs import CalibrationRun, calibration_runs
 from flexspline.calibration.thermal import count_temperatures
 
 FOUR_SIGMA = 4.0
@@ -148,12 +152,65 @@ def test_lag_and_gradient_are_found_within_their_errors() -> None:
     assert made.compensation.gradient == made["gradient"].value
 
 
+def test_the_noise_of_one_reading_is_not_what_a_body_that_lags_starts_from() -> None:
+    """It stayed for the length of the lag, and intervals of 95 % covered 87 %, or hardly half."""
+    rig = replace(LAGGING, noise=1e-4, gradient=0.2, thermometer=0.05)
+    grid = np.array([22.0, 25.0, 40.0])
+    off = []
+    for seed in range(30):
+        logs = [
+            bench.load_run(rig, count=1, seed=2 * seed + 1),
+            bench.drift_run(rig, seed=2 * seed),
+        ]
+        made = calibrate(logs, thermal_lag=LAG, gradient=rig.gradient, full_scale=FULL_SCALE)
+        values, errors = made.drift_voltage(grid)
+        off.append((values - bench.drift(grid)) / errors)
+    # the mean of 30 squares of a standard normal number is below 1.99 in 99.9 % of cases
+    assert np.mean(np.square(off), axis=0).max() < 1.99
+
+
+def test_a_first_temperature_is_replaced_within_its_noise_alone() -> None:
+    def run(temperature: Array, thermometer: float) -> CalibrationRun:
+        rig = replace(QUIET, thermometer=thermometer)
+        log = bench.recorded("run", np.zeros(2000), temperature, rig, 3)
+        return calibration_runs([log], None, None, temperature_needed=True)[0][0]
+
+    level, noise = np.full(2000, 25.0), 0.02
+    stepped = np.concatenate([[20.0], level[1:]])
+    for kept in (run(stepped, noise), run(stepped, 0.0), run(level, 0.0)):
+        assert kept.temperature_of_body is kept.temperature
+    flat = run(level, noise)
+    assert flat.temperature_of_body is not None and flat.temperature is not None
+    assert np.array_equal(flat.temperature_of_body[1:], flat.temperature[1:])
+    error = 2.0 * noise / np.sqrt(40.0)  # of the end of a line through a fiftieth of the rows
+    assert abs(flat.temperature_of_body[0] - 25.0) < FOUR_SIGMA * error
+
+
 def test_a_fitted_lag_removes_the_thermal_hysteresis_on_rows_never_seen_too() -> None:
     before, after = lagging(False), lagging(True)
     left = after.figure("thermal hysteresis, compensated")
     assert left.percent is not None and left.noise is not None
     assert left.percent < 2.0 * left.noise
     assert after.cv_rmse < before.cv_rmse
+
+
+def test_the_least_of_several_minima_over_the_lag_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A narrow minimum between two lags of the grid is passed over where another is wide."""
+
+    def squares(sums: object) -> SimpleNamespace:
+        logarithm = np.log(sums)  # the lag, as the sums below hold it
+        wide = 0.01 * (logarithm - np.log(0.5)) ** 2
+        narrow = 4.0 * (logarithm - np.log(LAG)) ** 2 - 0.1
+        return SimpleNamespace(residual_squares=1.0 + min(wide, narrow, 1.0))
+
+    monkeypatch.setattr(regression, "sums_of", lambda runs, shape, edges: shape.lag)
+    monkeypatch.setattr(regression, "solution_of", squares)
+    monkeypatch.setattr(regression, "_limits", lambda runs: np.array([0.2, 150.0]))
+    grid = np.linspace(np.log(0.2), np.log(150.0), regression.GRID)
+    seen = [squares(np.exp(point)).residual_squares for point in grid]
+    assert abs(grid[int(np.argmin(seen))] - np.log(0.5)) < 0.5  # the wide one, by the grid alone
+    shape = regression.Shape(2, 25.0, 0.0, True, 0.0, True, None)
+    assert regression.search_lag([], shape, []).value == pytest.approx(LAG, rel=1e-3)
 
 
 def test_a_given_lag_and_gradient_are_used_and_not_fitted() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise, product
 from pathlib import Path
@@ -23,9 +24,9 @@ from flexspline.comparison.covariates import (
     labels_of,
     memory_of,
 )
-from flexspline.comparison.result import Comparison
+from flexspline.comparison.result import Comparison, Follows
 from flexspline.comparison.runs import predicted, rows_of
-from flexspline.comparison.search import ALPHA, Step
+from flexspline.comparison.search import ALPHA, Place, Step
 from flexspline.comparison.search import _bands as large_bands
 from flexspline.comparison.search import _told_apart as told_apart
 from flexspline.comparison.search import _winner as winner
@@ -65,6 +66,43 @@ def test_the_floor_is_the_noise_whatever_is_hidden(hidden: str, name: str, words
     made = rig.comparison(hidden)
     # bins leave the slope inside them in the floor: 10 % of its size for the widest bins here
     assert made.noise_floor == pytest.approx(rig.NOISE, rel=0.1)
+
+
+def located(name: str, *bands: tuple[float | None, float | None]) -> Follows:
+    place = Place(bands, ("forward", "backward"), True, (), (), False)
+    return Follows(name, name, 1.0, 0.4, 1e-6, (), place)
+
+
+def with_bands(made: Comparison, name: str, excess: dict[tuple[float, float], float]) -> Comparison:
+    """The comparison with these bands of a covariate, each significant."""
+    (like, *_) = (band for band in made["speed"] if band.effective_rows > 100.0)
+    bands = tuple(
+        replace(like, label=f"{low:g} to {high:g}", lower=low, upper=high, excess=size,
+                significant=True)
+        for (low, high), size in excess.items()
+    )  # fmt: skip
+    return replace(made, by={**made.by, name: bands})
+
+
+def test_where_the_gap_is_largest_is_the_worst_band_of_the_table() -> None:
+    """A mean that speed and angle share was largest at 5 to 10 rad/s², the gap at −20 to −15."""
+    bands = {(-20.0, -15.0): 0.41, (0.0, 5.0): 0.06, (5.0, 10.0): 0.20}
+    made = with_bands(rig.comparison("slow"), "acceleration", bands)
+    elsewhere = replace(made, follows=(located("acceleration", (5.0, 10.0)),))
+    assert "It is largest at accelerations from −20 to −15 rad/s²;" in elsewhere.sentences[1]
+    wider = replace(made, follows=(located("acceleration", (None, -10.0), (5.0, 10.0)),))
+    said = "largest at accelerations below −10 rad/s² or from 5 to 10 rad/s² in both directions"
+    assert said in wider.sentences[1]
+
+
+def test_of_several_places_each_says_what_it_is_a_range_of() -> None:
+    made = with_bands(rig.comparison("slow"), "acceleration", {(5.0, 10.0): 0.2})
+    made = with_bands(made, "speed", {(0.005, 0.01): 1.3})
+    places = located("acceleration", (5.0, 10.0)), located("speed", (0.005, 0.01))
+    said = replace(made, follows=places).sentences[1]
+    assert "from 5 to 10 rad/s² in both directions and at speeds from 0.005 to 0.01 rad/s" in said
+    alone = replace(made, follows=places[1:]).sentences[1]
+    assert "largest from 0.005 to 0.01 rad/s in both directions" in alone
 
 
 def test_what_is_hidden_changes_with_nothing_else() -> None:

@@ -110,6 +110,48 @@ def test_where_the_limits_are_too_tight_the_one_that_binds_is_named() -> None:
     assert "acceleration binds" in made.sentence and "No run within these limits" in made.sentence
 
 
+@cache
+def at_one_temperature() -> tuple[Log, ...]:
+    rig = RIGS[ANGLE]
+    runs = [rig.recorded(number) for number in range(1, 4)]
+    constant = np.full(len(runs[0]), 30.0)
+    return tuple(run.with_columns({"temperature": constant}, note="a room") for run in runs)
+
+
+def told_by_temperature(limits: Limits | None) -> Plan:
+    rig, logs = RIGS[ANGLE], at_one_temperature()
+    effects = [*rig.base, effect(rig.hidden)]
+    fit = flexspline.fit(effects, logs, "sensor_torque", known_load=LOAD, checks=False)
+    made = flexspline.next_experiment(fit, ("offset", "temperature_drift"), logs, limits=limits)
+    assert made is not None
+    return made
+
+
+def test_runs_at_one_temperature_are_told_that_others_would_tell() -> None:
+    """It said that nothing which can be commanded would, and twice a range of zero is none."""
+    made = told_by_temperature(None)
+    assert made.expected < 0.05
+    binds = "the temperature binds: from 20 to 40 °C instead of 30 °C, t = "
+    assert binds in made.sentence and "twice as wide" not in made.sentence
+    promised = made.outlooks[0].doubled
+    assert promised is not None
+    there = told_by_temperature(Limits(temperature=(20.0, 40.0)))
+    assert there.expected == pytest.approx(promised[2], rel=0.3)  # the same, its motion refined
+
+
+def test_a_temperature_that_cannot_be_set_is_not_asked_for() -> None:
+    made = told_by_temperature(Limits(temperature=(30.0, 30.0)))
+    assert "temperature binds" not in made.sentence
+    assert "all that can be commanded acts on both alike" in made.sentence
+
+
+def test_a_narrow_range_of_temperatures_binds_like_any_other() -> None:
+    """A planned run held the temperatures that it had, whatever the limits."""
+    narrow = told_by_temperature(Limits(temperature=(29.9, 31.1)))
+    assert not narrow.outlooks[0].settled
+    assert "the temperature binds: from 29 to 32 °C, t = " in narrow.sentence
+
+
 def test_a_parameter_that_the_runs_leave_open_gets_a_run_too() -> None:
     rig = Rig(("offset",), "", "", lambda c: 0.8 * np.cos(c["output_position"] - 0.4),
               lambda c: {}, swing=0.1)  # fmt: skip

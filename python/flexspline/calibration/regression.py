@@ -4,7 +4,8 @@
 
 This is zhang_disturbance_elimination (10) solved for V, and (11) where τ = 0. The drift's columns
 come from the core's compensation, fed with one coefficient at a time, so the fitted columns are
-those that run on the joint.
+those that run on the joint, but for where a body that lags starts: a joint has one reading of that,
+a run the rows behind it as well (`CalibrationRun.temperature_of_body`).
 
 The voltage is regressed on the reference, not the reference on the voltage as (25) has it: the
 reference is the trusted one, and noise in a regressor attenuates its coefficient by
@@ -148,7 +149,11 @@ def solution_of(sums: Sums, blocks: Sequence[int] | None = None) -> Solution:
 
 
 def search_lag(runs: Sequence[CalibrationRun], shape: Shape, edges: Edges) -> Lag:
-    """Find the lag of least squares: a grid in its logarithm, then Brent's search."""
+    """Find the lag of least squares: a grid in its logarithm, then Brent's search.
+
+    From each minimum of the grid: a short lag with a large gradient is a slope of the temperature,
+    and may lie below the grid's nearest to a lag that is better yet.
+    """
     from scipy.optimize import minimize_scalar
 
     low, high = np.log(_limits(runs))
@@ -161,14 +166,23 @@ def search_lag(runs: Sequence[CalibrationRun], shape: Shape, edges: Edges) -> La
     seen = np.array([squares(point) for point in grid])
     if seen.max() <= seen.min() * (1.0 + FLAT):
         return Lag(float(np.exp(low)), 0, True)
-    best = int(np.argmin(seen))
-    inside = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-    found = minimize_scalar(
-        squares, bounds=inside, method="bounded", options={"xatol": LAG_TOLERANCE}
-    )
-    at = float(found.x if found.fun < seen[best] else grid[best])
+
+    def refined(start: int) -> tuple[float, float]:
+        inside = (grid[max(start - 1, 0)], grid[min(start + 1, GRID - 1)])
+        found = minimize_scalar(
+            squares, bounds=inside, method="bounded", options={"xatol": LAG_TOLERANCE}
+        )
+        return min((float(found.fun), float(found.x)), (float(seen[start]), float(grid[start])))
+
+    _, at = min(refined(start) for start in np.flatnonzero(_lowest_nearby(seen)).tolist())
     bound = -1 if at - low < NEAR_BOUND else 1 if high - at < NEAR_BOUND else 0
     return Lag(float(np.exp(at)), bound, False)
+
+
+def _lowest_nearby(values: Array) -> NDArray[np.bool_]:
+    """Which values are no higher than either neighbour, (N,)."""
+    walled = np.concatenate([[np.inf], values, [np.inf]])
+    return np.asarray((values <= walled[:-2]) & (values <= walled[2:]))
 
 
 def _limits(runs: Sequence[CalibrationRun]) -> Array:
@@ -284,14 +298,15 @@ class Shape:
 
 def drift_columns(run: CalibrationRun, shape: Shape) -> Array:
     """(N, degree + 1): (T_b − T₀)^k, and T − T_b last; units K^k."""
-    if run.temperature is None:
+    temperature = run.temperature_of_body if shape.lag > 0.0 else run.temperature
+    if temperature is None:
         return np.zeros((len(run), 1))
     ones = np.eye(max(shape.degree, 1))
     fed = [(tuple(row), 0.0) for row in ones[: shape.degree]] + [((0.0,), 1.0)]
     columns = [
         _core.temperature_compensation(
             run.log["time"],
-            run.temperature,
+            temperature,
             coefficients=coefficients,
             reference_temperature=shape.reference_temperature,
             gradient=gradient,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ LEAST_TORQUE = 1e-9  # Nm, below which no torque sensor reads
 SAME = 1e-6  # of its range; the best force standards agree to 2e-5
 BEYOND = 3.0  # standard deviations of the line from which a voltage is held back
 LEAST_BEYOND = 1e-6  # of its range
+START = 50  # a line through this part of a run tells the temperature that it starts from
+NOISE_ALONE = 5.0  # standard deviations up to which a first row is off by its noise
 TOLERATED = ("constant_channel", "repeated_rows", "stuck_recorder")  # of a typed or stepped load
 
 
@@ -66,6 +69,27 @@ class CalibrationRun:
 
     def __len__(self) -> int:
         return len(self.voltage)
+
+    @cached_property
+    def temperature_of_body(self) -> Array | None:
+        """The temperature, (N,), with the first row as the rows behind it tell it.
+
+        A body that lags starts from the first row and keeps its noise for as long as the lag: one
+        error that many rows have, and no standard error holds. Where the first row is off by more
+        than noise, as behind a step, it stays.
+        """
+        if self.temperature is None:
+            return None
+        noise = white_noise(self.temperature)
+        gaps = np.flatnonzero(self.starts[1:]) + 1
+        count = min([max(len(self) // START, LEAST_ROWS), len(self), *gaps[:1]])
+        if not noise > 0.0 or count < LEAST_ROWS:
+            return self.temperature
+        time = self.log["time"][:count] - self.log["time"][0]
+        start = float(np.polyfit(time, self.temperature[:count], 1)[1])
+        if not abs(self.temperature[0] - start) <= NOISE_ALONE * noise:
+            return self.temperature
+        return np.concatenate([[start], self.temperature[1:]])
 
 
 def calibration_runs(

@@ -517,6 +517,9 @@ def _subject(model: Model, log: Log, target: str | None) -> _Subject:
         return _Subject("estimators", "joint_unit", None, outputs, log, None, tuple(said))
     part = model.part(target)
     log = channels_for(prepared(log, part.preparations), part.effects, part.known_load)
+    if part.carried is not None and part.known_load is not None:
+        whole = {part.known_load: part.load(log)}
+        log = log.with_columns(whole, note=f"{part.known_load} with {part.carried.words}")
     if "motor_position" not in part.record.get("channels", ()):
         kept = {name: log[name] for name in log.channels if name != "motor_position"}
         log = Log.from_arrays(facts=dict(log.facts), **kept)

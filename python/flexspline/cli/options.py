@@ -266,7 +266,8 @@ def known_load(command: Command) -> Command:
     """--known-load CHANNEL"""
     says = (
         "Channel with the load at the output, of a load cell, brake or weight, e.g. "
-        "reference_torque: effects explain the target less this."
+        "reference_torque: effects explain the target less this; a torsion follows it, and the "
+        "gravity that the drive of --into was found to have beside it."
     )
     return click.option("--known-load", metavar="CHANNEL", help=says)(command)
 

@@ -69,6 +69,8 @@ _NOUNS = {
     "acceleration": "at accelerations ",
     "time": "at times ",
 }
+_BESIDE = {"speed": "at speeds ", "temperature": "at temperatures "}
+"""Of what its unit tells where it stands alone."""
 _AFTER = ("reversal_angle", "reversal_time")
 
 FORMAT = "flexspline-comparison"
@@ -359,7 +361,9 @@ def sized(value: float, beside: float) -> str:
 def _where(made: Comparison) -> str:
     total = sum(f.gain for f in made.follows)
     told = [f for f in made.follows if f.gain >= WORTH_SAYING * total][:MOST]
-    largest = [_located(f.place, f.name, made.units[f.name]) for f in told if _is_band(f)]
+    bands = [f for f in told if _is_band(f)]
+    nouns = _NOUNS | _BESIDE if len(bands) > 1 else _NOUNS
+    largest = [_located(_largest(made, f), f.name, made.units[f.name], nouns) for f in bands]
     verbs: list[str] = []
     for f in told:
         if not _is_band(f):
@@ -399,12 +403,38 @@ def _verb(made: Comparison, f: Follows) -> str:
     return f"changes with the {f.words} over its whole range"
 
 
-def _located(place: Place | None, name: str, unit: str) -> str:
-    assert place is not None
+def _largest(made: Comparison, f: Follows) -> Place:
+    """Where the gap is largest: where what it follows is, or in the worst band where that is not.
+
+    A mean that several things share may be largest elsewhere than the gap itself.
+    """
+    assert f.place is not None
+    worst = worst_band(made.by[f.name])
+    if not worst.significant or _holds(f.place, worst):
+        return f.place
+    if f.place.kinds:
+        return Place((), (), False, (worst.label,), (worst.bias,), False)
+    return Place(((worst.lower, worst.upper),), (), False, (), (), False)
+
+
+def _holds(place: Place, band: Band) -> bool:
+    """Whether a band is one of a place, or within one."""
+    if place.kinds:
+        return band.label in place.kinds
+    lower, upper = _closed(band.lower, band.upper)
+    ends = [_closed(*each) for each in place.bands]
+    return any(low <= lower and upper <= high for low, high in ends)
+
+
+def _closed(low: float | None, high: float | None) -> tuple[float, float]:
+    return -np.inf if low is None else low, np.inf if high is None else high
+
+
+def _located(place: Place, name: str, unit: str, nouns: Mapping[str, str]) -> str:
     if place.kinds:
         return f"in {'run' if len(place.kinds) == 1 else 'runs'} {_and(place.kinds[:5])}"
-    bands = _and([_band(low, high, name, unit) for low, high in place.bands], "or")
-    before = _NOUNS.get(name, "")
+    before = nouns.get(name, "")
+    bands = _and([_band(low, high, name, unit, before) for low, high in place.bands], "or")
     bands = bands.replace(f"or {before}", "or ").replace("-", "−")
     if len(place.directions) == 1:
         return f"{bands} {place.directions[0]}"
@@ -412,13 +442,12 @@ def _located(place: Place | None, name: str, unit: str) -> str:
     return f"{bands} in both directions" if said else bands
 
 
-def _band(low: float | None, high: float | None, name: str, unit: str) -> str:
+def _band(low: float | None, high: float | None, name: str, unit: str, before: str) -> str:
     if name in _AFTER:
         if not low:
             return f"within {high:.3g} {unit} after reversals"
         reach = f"more than {low:.3g}" if high is None else f"from {low:.3g} to {high:.3g}"
         return f"{reach} {unit} after reversals"
-    before = _NOUNS.get(name, "")
     if low is None or (low == 0.0 and name == "speed"):
         return f"{before}below {high:.3g} {unit}"
     if high is None:

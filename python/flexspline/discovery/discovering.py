@@ -57,14 +57,14 @@ from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model, own_of_runs
+from flexspline.model import Model, carried_beside, own_of_runs
 from flexspline.output_error.fitting import settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
 from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started
 from flexspline.regression.gram import Whitening
-from flexspline.signals import require_apart
+from flexspline.signals import Carried, require_apart
 from flexspline.simulator import SIMULATED, SIMULATION_DELAY, Simulated
 
 __all__ = ["discover"]
@@ -156,7 +156,7 @@ def discover(
         model_or_effects, runs, target, known_load, simulation, simulated_torque
     )
     task = replace(
-        _task(base, target, known_load, fixed or {}),
+        _task(base, runs, target, known_load, fixed or {}),
         lowpass=lowpass,
         orders=orders or {},
         exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
@@ -181,8 +181,8 @@ USUAL = {"noise": 0.12, "functions of the channels": 0.26, "names": 0.5, "what i
 class Task:
     """What a discovery starts from, and how it goes about it: see `discover`.
 
-    `model`: the one of which the base is a part. `preparations`: of the inputs. `scatter`: noise
-    of the load cell, Nm. `say`: is told what is being done.
+    `model`: the one of which the base is a part. `carried`: as for `problem_of`. `preparations`: of
+    the inputs. `scatter`: noise of the load cell, Nm. `say`: is told what is being done.
     """
 
     effects: tuple[Effect, ...]
@@ -191,6 +191,7 @@ class Task:
     fixed: Mapping[str, float]
     model: Model | None = None
     simulated: Simulated | None = None
+    carried: Carried | None = None
     lowpass: float | None = None
     orders: Mapping[str, Sequence[int]] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
@@ -369,6 +370,7 @@ class _Recorded:
             "preparations": self.task.preparations,
             "counted": self.counted,
             "simulated": self.task.simulated,
+            "carried": self.task.carried,
             "inputs": self.inputs,
         }
 
@@ -543,6 +545,7 @@ def _base(
 
 def _task(
     given: Model | str | Effect | Iterable[str | Effect],
+    runs: Sequence[Log],
     target: str | None,
     known_load: str | None,
     fixed: Mapping[str, float],
@@ -561,7 +564,8 @@ def _task(
         by_user = {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}
         held = {**by_user, **fixed}
         load = known_load or part.known_load
-        return Task(part.effects, part.target, load, held, given, part.simulated)
+        carried, _ = carried_beside(given, runs, part.target, load)
+        return Task(part.effects, part.target, load, held, given, part.simulated, carried)
     if target is None:
         raise InputError("no target is given; give target='sensor_torque' or another one")
     effects = with_orders(given, {})

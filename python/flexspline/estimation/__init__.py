@@ -34,6 +34,7 @@ from flexspline.estimation.plan import (
     READINGS,
     Plan,
     adapted_units,
+    carried_warnings,
     joint_limits,
     made_by,
     plan_of,
@@ -742,6 +743,7 @@ def _say_of_torsion(model: Model, plan: Plan, log: Log, said: Said) -> None:
             said[f"the compliance reads {name}, which log '{log.name}' lacks"] = None
     _say_of_part(model, plan.torsion, log, said)
     _say_of_part(model, plan.carried, log, said)
+    said |= dict.fromkeys(carried_warnings(model))
 
 
 def _say_of_momentum(inertia: float, log: Log, whose: str, said: Said) -> None:

@@ -31,7 +31,7 @@ import numpy as np
 
 from flexspline import _core
 from flexspline.effects import unit_in
-from flexspline.effects.causes import GRAVITY, INERTIA, MESH, TORSION_LOOP
+from flexspline.effects.causes import INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
 from flexspline.estimators import (
     PREPROCESSING,
@@ -46,7 +46,13 @@ from flexspline.estimators.checks import link_part, require_complete
 from flexspline.estimators.sensing import DERIVED
 from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log
-from flexspline.model import Model, require_model
+from flexspline.model import (
+    Model,
+    gravity_on_gear,
+    require_model,
+    undetermined_gravity,
+    weight_left_out,
+)
 from flexspline.part import Part
 from flexspline.signals import gear_of
 
@@ -57,6 +63,7 @@ __all__ = [
     "UNITS",
     "Plan",
     "adapted_units",
+    "carried_warnings",
     "joint_limits",
     "made_by",
     "part_limits",
@@ -190,7 +197,7 @@ def plan_of(model: Model) -> Plan:
         sensor=sensor,
         observed=observed,
         torsion=torsion,
-        carried=_carried(model) if "compliance" in estimating else None,
+        carried=gravity_on_gear(model) if "compliance" in estimating else None,
         inertia=0.0 if driven is None else _coefficient(driven, INERTIA),
         link_inertia=_link_inertia(model),
         effective_ratio=_ratio(model),
@@ -282,13 +289,14 @@ def _ratio(model: Model) -> float:
     return float(gear_of(model.facts, motor_encoder=True)["effective_ratio"])
 
 
-def _carried(model: Model) -> Part | None:
-    """Gravity: what the gear carries beside the load, by the drive's part or the sensor's."""
-    for name in ("drive", "sensor"):
-        part = model.parts.get(name)
-        if part is not None and part.unit == "Nm" and any(e.name == GRAVITY for e in part.effects):
-            return part.keeping(lambda effect: effect.name == GRAVITY)
-    return None
+def carried_warnings(model: Model) -> list[str]:
+    """Return what is wrong with the weight that is taken off the gear's torque, a sentence each."""
+    gravity, torsion = gravity_on_gear(model), model.parts.get("torsion")
+    if gravity is None or torsion is None:
+        return []
+    off = "taken off the gear's torque", "external_torque_compliance"
+    said = undetermined_gravity(gravity, *off), weight_left_out(torsion, gravity)
+    return [*filter(None, said)]
 
 
 def _without(part: Part, *names: str) -> Part:

@@ -164,6 +164,9 @@ class Compliance(Entry):
     sample before, corrects it once by the loop at that torque, and moves the loop on. The loop
     follows this torque alone, also where there is a sensor, and stays while the torque is held.
 
+    The external torque is this less the gravity of the drive's part (or the sensor's), which the
+    torsion's part has read as part of its load where it was fitted into a model that knew it.
+
     Where the model has no sensor torque, the drive's effects that read the load take it from here:
     the external torque of the sample before, zero until there is one.
 

@@ -162,6 +162,7 @@ def _prepared(
         known_load=part.known_load,
         lowpass_hz=lowpass,
         threads=1,
+        carried=part.carried,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     work = candidate_model_of(part.effects, len(part.effects), {})

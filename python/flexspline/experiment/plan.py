@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENOUGH",
+    "LEAST_KELVIN",
     "TAKEN",
     "Bounds",
     "Limits",
@@ -63,6 +64,8 @@ MOST_TURNS = 1e6  # in a run: a sum of sines is looked at 60 times for each of t
 MOST_SECONDS = 1e6  # s, eleven days
 STARTS = 10.0  # times in a run that the fastest speed can be reached at least
 RANGES = ("position", "load", "temperature")
+LEAST_KELVIN = 1.0  # below, temperature is a constant
+ROOM = 10.0  # K to either side, that a workshop has without a climate chamber
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,8 @@ class Limits:
 class Bounds:
     """Limits with nothing left open.
 
-    `load` and `temperature` are None where no effect reads them or nothing can be set.
+    `load` and `temperature` are None where no effect reads them or nothing can be set; `given`:
+    what the limits say of them, where the others are what the recorded runs did.
     `load_rate` [Nm/s] and `warming` [K/s]: how fast they changed while they were recorded.
     """
 
@@ -113,6 +117,7 @@ class Bounds:
     temperature: Range | None
     warming: float
     duration: float
+    given: tuple[str, ...] = ()
 
     @property
     def span(self) -> float:
@@ -122,11 +127,21 @@ class Bounds:
     def lasting(self, seconds: float) -> Bounds:
         return replace(self, duration=seconds)
 
+    @property
+    def same_temperature(self) -> float | None:
+        """The temperature [°C] of recorded runs that had one alone; None where limits say it."""
+        if self.temperature is None or "temperature" in self.given:
+            return None
+        cold, warm = self.temperature
+        return 0.5 * (cold + warm) if warm - cold < LEAST_KELVIN else None
+
     def doubled(self, name: str) -> Bounds:
-        """Return limits of which one is twice as wide."""
+        """Return limits of which one is twice as wide; of one temperature, what a room allows."""
         value = getattr(self, name)
         if isinstance(value, tuple):
             middle, half = 0.5 * (value[0] + value[1]), value[1] - value[0]
+            if name == "temperature" and self.same_temperature is not None:
+                half = ROOM
             value = (middle - half, middle + half)
         else:
             value = 2.0 * value
@@ -158,6 +173,7 @@ def bounds_of(problem: Problem, limits: Limits, reads: Sequence[str]) -> Bounds:
         temperature=_temperature(problem, limits, reads),
         warming=_warming(problem),
         duration=duration,
+        given=tuple(f.name for f in fields(limits) if getattr(limits, f.name) is not None),
     )
 
 
@@ -421,7 +437,8 @@ def _doubled(one: Outlook, sign: str) -> str:
     if one.doubled is None:
         return "; nor would twice as wide limits help"
     name, value, reached = one.doubled
-    return f"; the {name} binds: up to {value}, {sign}{short(reached)} could be reached"
+    to = "from" if name in RANGES else "up to"
+    return f"; the {name} binds: {to} {value}, {sign}{short(reached)} could be reached"
 
 
 def _mounting(one: Outlook) -> str:

@@ -82,6 +82,7 @@ __all__ = [
 MOST_QUESTIONS = 6
 TRIED_WIDER = 3
 WIDER = 1.3  # times t by doubling a limit, for the limit to be named
+SET = ("load", "temperature")  # limits of what stands in the parts of a run, beside its motion
 
 Array = NDArray[np.float64]
 
@@ -229,12 +230,16 @@ def _doubled(
         if getattr(bounds, field.name) is None:
             continue
         wider = bounds.doubled(field.name)
-        trials = list(kinds.values())[:TRIED_WIDER]
-        t = max(bench.scored(one.excitation, wider).t[number] for one in trials)
+        trials = [one.excitation for one in kinds.values()][:TRIED_WIDER]
+        if field.name in SET:  # an excitation holds what is set, as it was
+            trials = [replace(one, setting=settings(wider)[0]) for one in trials]
+        t = max(bench.scored(one, wider).t[number] for one in trials)
         if t > max(WIDER * reached, best[2] if best else 0.0, 1e-3):
             value = getattr(wider, field.name)
-            words = " to ".join(short(v) for v in np.ravel(value))
-            best = (field.name, f"{words} {units[field.name]}", t)
+            words = f"{' to '.join(short(v) for v in np.ravel(value))} {units[field.name]}"
+            if field.name == "temperature" and bounds.same_temperature is not None:
+                words += f" instead of {short(bounds.same_temperature)} °C"
+            best = (field.name, words, t)
     return best
 
 

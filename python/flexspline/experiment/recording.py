@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import BASIC, GRAVITY, SCALING_WITH_LOAD
 from flexspline.errors import InputError
-from flexspline.experiment.plan import Bounds, Range, joined, over, short
+from flexspline.experiment.plan import LEAST_KELVIN, Bounds, Range, joined, over, short
 from flexspline.least_squares.problem import Problem, Run, kept_rows, problem_of
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -70,7 +70,6 @@ STEEPEST = 1.875  # of a smooth step of one second and one unit
 RESTS = 0.25  # of the run that changes of the load may take
 WAIT = 1800.0  # s in the file between runs at different temperatures
 
-LEAST_KELVIN = 1.0  # below, temperature is a constant
 MOST_PARTS = 6
 MOST_ROWS = 10_000_000  # of a run that is planned: each kind is drawn some hundred times
 WARM = 3.0  # time constants of a warm-up in a part
@@ -462,7 +461,7 @@ def _run(
     log = Log(columns, dict(problem.runs[0].log.facts))
     if motor is not None:
         log = log.with_columns({"motor_torque": motor.torque(log)}, note="as the drive needs")
-    channels = core_channels(log, effects, problem.known_load)
+    channels = core_channels(log, effects, problem.known_load, problem.carried)
     stretches = [(int(a), int(b)) for a, b in runs(log["time"])]
     target = np.zeros(len(log))
     if problem.lowpass is not None:

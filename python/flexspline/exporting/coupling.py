@@ -186,8 +186,11 @@ def _left(effect: Effect) -> str:
 
 
 def without_log(part: Part, known_load: str | None) -> Part:
-    """Return the part for a simulator: nothing of its log's encoders and filter, another load."""
-    of_log = ("channels", "prepared")
+    """Return the part for a simulator: nothing of its log's encoders and filter, another load.
+
+    A simulator's load is what the joint transmits, the weight of its bodies in it.
+    """
+    of_log = ("channels", "prepared", "carried")
     record = {key: value for key, value in part.record.items() if key not in of_log}
     return replace(part, known_load=known_load, record=record)
 

@@ -30,6 +30,7 @@ from flexspline.exporting.header import (
     channels_read,
     conditions,
     correction,
+    given_load,
     header_text,
     model_sha256,
     own_headers,
@@ -286,8 +287,7 @@ def _variables(part: Part) -> Iterator[dict[str, object]]:
 
 
 def _load(part: Part) -> str:
-    known = part.known_load or "none in the logs: zero"
-    return f"torque at the output that is known from elsewhere ({known})"
+    return f"torque at the output that is known from elsewhere ({given_load(part)})"
 
 
 def _outputs(part: Part) -> Iterator[dict[str, object]]:

@@ -40,7 +40,7 @@ from flexspline.exporting.cpp_text import (
 from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
-from flexspline.model import MARGIN, Model, Part, widened
+from flexspline.model import MARGIN, Model, Part, load_words, widened
 from flexspline.own import OwnEffect
 from flexspline.own.effect import Header
 from flexspline.signals import gear_of
@@ -243,12 +243,16 @@ def _expectations(model: Model, part: Part) -> Iterator[str]:
     """What the model expects of its channels."""
     for name in channels_read(part):
         if name == "load":
-            known = part.known_load or "none in the logs: zero"
-            yield f"Reads known_load [Nm]: {known}"
+            yield f"Reads known_load [Nm]: {given_load(part)}"
         else:
             unit, meaning = COUNTED.get(name) or CHANNELS[name]
             yield f"Reads {name} [{unit}]: {meaning}"
     yield from conditions(part)
+
+
+def given_load(part: Part) -> str:
+    """Return what a program has to give as the known load, in words."""
+    return "none in the logs: zero" if part.known_load is None else load_words(part)
 
 
 def conditions(part: Part) -> Iterator[str]:

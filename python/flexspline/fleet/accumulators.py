@@ -41,7 +41,7 @@ from flexspline.least_squares.options import (
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.log import Fact, Log
-from flexspline.signals import require_one_unit, without_unread
+from flexspline.signals import Carried, require_one_unit, without_unread
 
 if TYPE_CHECKING:
     from flexspline.fleet.sessions import Session
@@ -101,6 +101,7 @@ class Plan:
     own : terms, "effect.term", of which each run has its own, such as zeros.
     pilot : who told shapes and orders, in words.
     checks : whether runs are looked at first; one that no fit can use is left out.
+    carried : the weight that the effects read as part of the load, or None.
     """
 
     effects: tuple[Effect, ...]
@@ -112,6 +113,7 @@ class Plan:
     own: tuple[str, ...] = ()
     pilot: str = ""
     checks: bool = True
+    carried: Carried | None = None
 
     def __post_init__(self) -> None:
         require_effects(self.effects, self.target)
@@ -194,7 +196,7 @@ def plan_of_model(model: Model, target: str | None, label: str, **how: Any) -> P
     """
     part = model.part(target)
     load = how.pop("known_load", None) or part.known_load
-    return Plan(part.effects, part.target, load, pilot=label, **how)
+    return Plan(part.effects, part.target, load, pilot=label, carried=part.carried, **how)
 
 
 def plan_of_pilot(
@@ -437,9 +439,11 @@ def _posed(log: Log, plan: Plan) -> Problem:
     """The run as a fit has it; where channels are read as recorded, their noise is not asked."""
     if plan.bandwidth == np.inf:
         return problem_of([log], plan.effects, plan.target, known_load=plan.known_load,
-                          lowpass_hz=plan.lowpass, threads=1)  # fmt: skip
+                          lowpass_hz=plan.lowpass, threads=1, carried=plan.carried)  # fmt: skip
     how = FitOptions(bandwidth=plan.bandwidth)
-    _, posed = posing([log], plan.effects, plan.target, plan.known_load, plan.lowpass, how)
+    _, posed = posing(
+        [log], plan.effects, plan.target, plan.known_load, plan.lowpass, how, carried=plan.carried
+    )
     return posed(plan.effects)
 
 

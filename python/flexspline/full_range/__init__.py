@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.estimation.plan import carried_warnings
 from flexspline.estimators import Merge
 from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import AT_REST
@@ -191,7 +192,11 @@ def train(
         settings=settings,
         reference=reference,
         wave_generator_share=wave_generator_share(own, variants[kept]),
-        warnings=(*warnings_of(transitions, signals, task.truth(), reference), *faults),
+        warnings=(
+            *warnings_of(transitions, signals, task.truth(), reference),
+            *carried_warnings(variants[kept]),
+            *faults,
+        ),
     )
     return _scored(made, task, signals)
 

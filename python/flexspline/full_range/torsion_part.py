@@ -70,7 +70,8 @@ __all__ = [
 ]
 
 RECORDED = "reference_torque"
-KEPT = ("channels", "validity", "datasheet")  # of a record, where a value is no longer the fit's
+KEPT = ("channels", "validity", "datasheet", "carried")
+"""Of a record, where a value is no longer the fit's."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,8 @@ def fit_mesh_stiffness(part: Part, logs: Log | Sequence[Log], **options: Any) ->
     part : for torsion, such as `torsion_part_from_datasheet` makes.
     logs : runs with a load that rises and falls while motor or brake hold, with the part's known
         load.
-    options : of `flexspline.fit`.
+    options : of `flexspline.fit`; `into`, a model whose drive knows gravity, where the load does
+        not hold the weight.
 
     Returns
     -------

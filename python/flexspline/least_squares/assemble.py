@@ -511,6 +511,7 @@ def _record(
             if problem.preparations
             else {}
         ),
+        **({"carried": problem.carried.to_json()} if problem.carried else {}),
         "channels": channels,
         "validity": {
             name: [

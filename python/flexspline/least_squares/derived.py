@@ -135,7 +135,7 @@ def loop_warnings(fit: Fit) -> list[str]:
     loop = _effect(fit, TORSION_LOOP)
     if loop is None or fit.part.known_load is None or loop.shapes["path"] >= 0.5:
         return []
-    loads = [run.log[fit.part.known_load] for run in fit.runs]
+    loads = [fit.part.load(run.log) for run in fit.runs]
     width = loop.shapes["load_width"]
     said = _given_back(fit, width, float(np.nanmedian(np.abs(np.concatenate(loads)))))
     turned = max(float(np.nanmax(load) - np.nanmin(load)) for load in loads)

@@ -43,6 +43,7 @@ from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
 from flexspline.prepared import MOTION, Preparation, prepared
 from flexspline.signals import (
+    Carried,
     channels_for,
     core_channels,
     gear_for,
@@ -161,6 +162,7 @@ class Problem:
     rows (`per_run_terms.py`). `own`: terms, "effect.term", of which each run has one of its own;
     `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
+    `carried`: what the rows read as part of the load beside the channel, or None.
     """
 
     runs: tuple[Run, ...]
@@ -175,6 +177,7 @@ class Problem:
     centred: bool = False
     projected: tuple[Effect, ...] = ()
     simulated: Simulated | None = None
+    carried: Carried | None = None
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
@@ -394,12 +397,13 @@ def problem_of(
     inputs: Sequence[Log] | None = None,
     counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
+    carried: Carried | None = None,
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
     they are. `inputs`: these logs with the channels so made, where rows were taken out since.
-    `counted`: rows (N,) of each log that count; None for all. `own`: see `Problem`.
+    `counted`: rows (N,) of each log that count; None for all. `own`, `carried`: see `Problem`.
 
     Raises
     ------
@@ -412,7 +416,7 @@ def problem_of(
     gear = gear_for(logs, target, effects, known_load)
     inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
     made = [
-        _run(*both, effects, target, known_load, lowpass_hz, simulated)
+        _run(*both, effects, target, known_load, lowpass_hz, simulated, carried)
         for both in zip(logs, inputs, strict=True)
     ]
     if counted is not None:
@@ -423,7 +427,7 @@ def problem_of(
     block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
     problem = Problem(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, tuple(own),
-        preparations=tuple(preparations), simulated=simulated,
+        preparations=tuple(preparations), simulated=simulated, carried=carried,
     )  # fmt: skip
     return settled(problem, effects)
 
@@ -482,6 +486,7 @@ def _run(
     known_load: str | None,
     cutoff: float | None,
     simulated: Simulated | None,
+    carried: Carried | None,
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
@@ -490,7 +495,8 @@ def _run(
         y = y - simulation_of(log, target, simulated, known_load)
     recorded, log = log, channels_for(made, effects, known_load)
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
-    channels, lone = _without_lone(core_channels(log, effects, known_load), recorded, stretches)
+    made_channels = core_channels(log, effects, known_load, carried)
+    channels, lone = _without_lone(made_channels, recorded, stretches)
     stretches = [rows for rows in stretches if rows not in lone]
     require_finite(log, {**channels, target: y})
     for effect in effects:

@@ -30,6 +30,7 @@ from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check_verdict
 from flexspline.logs.checks.findings import EXCITED
+from flexspline.model import load_words
 from flexspline.plot import panels
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.report.tables import (
@@ -238,11 +239,10 @@ def model_facts(fit: Fit) -> list[tuple[str, str]]:
         (_WORDS.get(k, k.replace("_", " ")), f"{v:g}" if isinstance(v, float) else str(v))
         for k, v in fit.model.facts.items()
     ]
-    load = fit.part.known_load
     corrects = fit.part.simulated
     found += [
         ("target", f"{fit.target} [{fit.unit}]"),
-        ("known load", "none" if load is None else load),
+        ("known load", load_words(fit.part)),
         *([] if corrects is None else [("corrects a simulation", corrects.words)]),
         ("low pass, zero phase", "none" if fit.lowpass is None else f"{fit.lowpass:g} Hz"),
         ("condition of the scaled design", short(fit.condition)),

@@ -31,6 +31,7 @@ from flexspline.formatting import (
 )
 from flexspline.least_squares.likelihood import why_none
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
+from flexspline.model import load_words
 from flexspline.report.tables import (
     between_rows,
     between_sentences,
@@ -619,7 +620,7 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
     whose = "" if fit.simulation is None else " of the regression"
     found = [
         ("target", f"{fit.target} [{fit.unit}]"),
-        ("known load", fit.part.known_load or "none"),
+        ("known load", load_words(fit.part)),
         ("runs", f"{len(runs)} ({listed(runs, MOST_NAMES)})"),
         ("rows", f"{rows}, {used} used"),
         (f"effective sample size{whose}", f"{fit.effective_samples:.0f}"),

@@ -431,6 +431,7 @@ def history_of(
     if part is not None:
         asked: Sequence[str | Effect] = part.effects
         shared |= {"fixed": {**_shapes(part), **(fixed or {})}}
+        shared |= {"into": model} if part.carried is not None else {}
         shared |= {} if known_load is not None else {"known_load": part.known_load}
     else:
         assert effects is not None
