@@ -254,7 +254,13 @@ def _resolved(
     target: str,
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
-    """Rows that the recorder resolves (`least_squares/problem.py`); None: all, of exact runs."""
+    """Rows that the recorder resolves (`least_squares/problem.py`); None: all, of exact runs.
+
+    Of an acceleration alone all do, unless a smoother takes more than the noise of all rows: rows
+    that are left out break the noise's memory, and inertia needs none of them for its shape.
+    """
+    import numpy as np
+
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.problem import (
         away_from_ends,
@@ -285,7 +291,13 @@ def _resolved(
     both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
     measured = [run.target for run in exact.runs]
     told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
-    return [a & b for a, b in zip(inside, told, strict=True)]
+    resolved = [a & b for a, b in zip(inside, told, strict=True)]
+    if VELOCITY in made_here:
+        return resolved
+    taken = np.concatenate([one - other for one, other in zip(*both, strict=True)])
+    left = np.concatenate([y - one for y, one in zip(measured, both[0], strict=True)])
+    noise = np.mean(left[np.concatenate(resolved)] ** 2)
+    return resolved if np.nanmean(taken**2) > noise else inside
 
 
 def fit_near(
