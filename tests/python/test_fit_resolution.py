@@ -69,7 +69,7 @@ def test_a_temperature_leaves_its_ends_in() -> None:
 def test_a_moved_load_is_that_of_the_moved_logs_where_rows_count() -> None:
     logs = runs(2, late=LATE)
     _, ways = learned(logs, "sensor_torque", LOAD, None)
-    way = replace(_task(base(), "sensor_torque", LOAD, {}), preparations=tuple(ways))
+    way = replace(_task(base(), logs, "sensor_torque", LOAD, {}), preparations=tuple(ways))
     moved = _Recorded.of(logs, way).moved(logs, LOAD, LATE)
     again = _Recorded.of([move_earlier(log, LOAD, LATE) for log in logs], way)
     assert moved.counted is not None and again.counted is not None
