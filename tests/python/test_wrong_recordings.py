@@ -65,7 +65,7 @@ def test_a_reference_in_millinewtonmetres_is_suspected() -> None:
 
 
 def test_a_path_is_no_model_to_calibrate_into() -> None:
-    with pytest.raises(InputError, match="into is a str; give a model"):
+    with pytest.raises(InputError, match=r"into is a str; give what it holds, Model\.load"):
         calibrate([load_run(), drift_run()], into="model.json")  # type: ignore[arg-type]
 
 

@@ -212,17 +212,19 @@ def offers(
     alone explain more than it and others. `only`: the name of the candidate that is asked for.
     """
     left = dictionary.table.without(model)
-    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
-    plain = plain and bool(sine)
-    leaves = dictionary.table.without(np.concatenate([model, *sine])) if plain else left
+    by_sine = next((c for c in dictionary.candidates if c.name == GRAVITY), None)
+    leaves = left
+    if plain and by_sine is not None:
+        sine = dictionary.at[by_sine.variants[0]]
+        leaves = dictionary.table.without(np.concatenate([model, sine]))
 
     def best(candidate: Candidate) -> Offer:
-        if not plain or candidate.name != OUTPUT_RIPPLE:
+        if not plain or by_sine is None or candidate.name != OUTPUT_RIPPLE:
             return _offer(candidate, dictionary, left)
         one = _offer(candidate, dictionary, left, most=1)
         beside, alone = (_offer(candidate, dictionary, rest) for rest in (leaves, left))
-        by_sine, _ = gain_of(left, np.concatenate(sine), dictionary.raw)
-        if alone.net > max(one.net, beside.net + by_sine):
+        gravity = _offer(by_sine, dictionary, left)
+        if alone.net > max(one.net, beside.net + gravity.net):
             return alone
         return max(one, beside, key=lambda offer: offer.net)
 
