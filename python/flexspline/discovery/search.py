@@ -158,8 +158,8 @@ class SearchContext:
     def scan(self, work: CandidateModel, whole: Problem) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay.
 
-        `whole`: all rows, of which many in long pieces are seen: the next rows tell one order from
-        another that is as high beside it.
+        `whole`: all rows. Of many a part is looked at, in long pieces: the angles between short
+        ones are what tells an order from the next.
         """
         rows = round(SETTINGS.rows / SETTINGS.little)
         seen = thinned(whole, rows, SETTINGS.rows, LEAD)
