@@ -294,10 +294,12 @@ def _resolved(
     resolved = [a & b for a, b in zip(inside, told, strict=True)]
     if VELOCITY in made_here:
         return resolved
+    kept = np.concatenate(resolved)
+    if not kept.any():
+        return inside
     taken = np.concatenate([one - other for one, other in zip(*both, strict=True)])
     left = np.concatenate([y - one for y, one in zip(measured, both[0], strict=True)])
-    noise = np.mean(left[np.concatenate(resolved)] ** 2)
-    return resolved if np.nanmean(taken**2) > noise else inside
+    return resolved if np.nanmean(taken**2) > np.mean(left[kept] ** 2) else inside
 
 
 def fit_near(

@@ -73,7 +73,6 @@ from flexspline.regression.gram import (
 from flexspline.signals import require_one_unit
 
 __all__ = [
-    "BY_SMOOTHING",
     "FEW_PLACES",
     "SearchContext",
     "Searcher",
