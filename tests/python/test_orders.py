@@ -19,7 +19,7 @@ from flexspline.logs import Log
 from flexspline.logs.writing import write_log
 from flexspline.orders import Vibration, find_orders, order_spectrum, pairs, time_spectrum
 from flexspline.orders.scan import Share, combined, scattered
-from flexspline.orders.spectrum import fourier_sums
+from flexspline.orders.spectrum import fourier_sums, stretches
 
 matplotlib.use("Agg")
 
@@ -473,3 +473,13 @@ def test_iiwa_ripple_is_found_over_part_of_a_turn(
     found = find_orders(log, "sensor_torque")
     assert found.found[0].per_output_turn == order
     assert min(per_turn(found)) > 1 / (np.ptp(log["output_position"]) / (2 * np.pi))
+
+
+def test_a_joint_at_rest_between_two_quanta_of_its_encoder_has_no_stretch() -> None:
+    """The hole between both is wider than all that has rows; the report of such a fit divided by
+    the turns of one."""
+    time = np.arange(0.0, 20.0, 0.002)
+    angle = 0.8 + 3e-6 * (np.random.default_rng(0).random(len(time)) < 0.5)
+    log = Log.from_arrays(time=time, output_position=angle, facts={"gear_ratio": 100})
+    with pytest.raises(InputError, match="stands still in every log"):
+        stretches([log], [np.sin(time)], 1.0)

@@ -215,14 +215,14 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
 
 
 def _unbroken(angle: NDArray[np.float64], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Yield the rows on each side of a hole in their angles; too few are left out."""
+    """Yield the rows on each side of a hole in their angles; too few, or at one, are left out."""
     ranked = np.sort(angle[rows])
     steps, least = np.diff(ranked), _HOLE * (ranked[-1:] - ranked[:1])
     wide = steps > np.maximum(least, steps[steps <= least].sum())
     side = np.searchsorted(ranked[:-1][wide], angle[rows])
     for k in range(np.count_nonzero(wide) + 1):
         own = rows[side == k]
-        if len(own) >= _SHORTEST:
+        if len(own) >= _SHORTEST and np.ptp(angle[own]) > 0.0:
             yield own
 
 
