@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,24 @@ def test_a_confounded_coefficient_never_shows_a_number() -> None:
             assert not NUMBER.findall(line)
             for digits in (2, 3, 4):
                 assert f"{parameter.value:.{digits}f} ±" not in page.replace("−", "-")
+
+
+def test_a_value_whose_error_is_not_known_stands_without_one() -> None:
+    fit = report_fits.plain_fit()
+    one = replace(
+        next(p for p in fit.parameters if p.kind == "coefficient"), interval=(np.nan, np.nan)
+    )
+    assert not one.significant
+    assert np.isnan([one.stderr, *one.ci()]).all()
+    parameters = tuple(one if p.name == one.name else p for p in fit.parameters)
+    loose = replace(fit, parameters=parameters)
+    (line,) = (row for row in str(loose).splitlines() if row.startswith(short_names(one.name)))
+    assert line.endswith("error not known")
+    assert "±" not in line
+    assert short_names(one.name) not in str(loose).split("\n\n")[0]
+    assert loose.to_frame()["standard_error"].isna().to_numpy().tolist() == [
+        p.name == one.name for p in parameters
+    ]
 
 
 def test_the_combinations_of_a_confounded_group_are_known_with_their_error() -> None:

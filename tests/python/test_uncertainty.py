@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -347,6 +348,16 @@ def test_a_residual_that_cannot_be_used_is_refused_in_a_sentence(samples, spoilt
 def test_a_confidence_of_95_is_refused():
     with pytest.raises(InputError, match=r"0\.95"):
         solve(*problem()).intervals(np.zeros(5), confidence=95)
+
+
+def test_below_one_degree_of_freedom_there_is_no_interval() -> None:
+    """Student's t of a tenth of a degree once made an offset of -0.7 Nm "±3·10²⁸ Nm"."""
+    found = solve(*problem())
+    few = replace(found, degrees_of_freedom=np.array([0.1, 0.99, 1.0, 3.0, np.inf]))
+    ends = few.intervals(np.zeros(5))
+    assert np.isnan(ends[:2]).all()
+    reach = ends[2:, 1] / few.standard_errors[2:]
+    assert reach == pytest.approx([12.706, 3.182, 1.960], abs=1e-3)
 
 
 def test_the_spread_of_the_noise_is_widened_by_what_the_terms_hide_of_it() -> None:

@@ -46,11 +46,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from flexspline.errors import InputError
 from flexspline.fleet.accumulators import RunSums, merged
 from flexspline.least_squares.sums import solve
+from flexspline.least_squares.uncertainty import half_widths
 
 __all__ = ["Scored", "estimate_of", "squares_of"]
 
@@ -108,8 +108,8 @@ class Scored:
         return np.where(self.determined, np.sqrt(variances), np.nan)
 
     def intervals(self, level: float = 0.95) -> Array:
-        """(P, 2), ends of the confidence intervals."""
-        half = student.ppf(0.5 + 0.5 * level, self.degrees_of_freedom) * self.errors
+        """(P, 2), ends of the confidence intervals; NaN where they are not known."""
+        half = half_widths(self.errors, self.degrees_of_freedom, level)
         return np.column_stack([self.values - half, self.values + half])
 
 

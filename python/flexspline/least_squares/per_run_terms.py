@@ -59,7 +59,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from flexspline.effects import Effect, unit_in
 from flexspline.effects.causes import OFFSET
@@ -70,7 +69,7 @@ from flexspline.least_squares.identifiability import NEGLIGIBLE, Confounded
 from flexspline.least_squares.options import FitOptions, coefficient_names, resolve, shapes_of
 from flexspline.least_squares.problem import OwnBasis, Problem, Run, columns_of, own_basis_of
 from flexspline.least_squares.result import Parameter
-from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.uncertainty import Uncertainty, half_widths
 from flexspline.least_squares.validation import steps_without_runs
 from flexspline.logs.log import Log
 
@@ -618,8 +617,8 @@ def _own_parameter(
 ) -> Parameter:  # fmt: skip
     """Return a coefficient of one run that was taken out; `told`: whether the run determines it."""
     freedom = float(max(uncertainty.noise.samples - uncertainty.noise.parameters, 1))
-    quantile = float(student.ppf(0.975, freedom))
-    ends = (value - quantile * error, value + quantile * error)
+    half = float(half_widths(error, freedom))
+    ends = (value - half, value + half)
     worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
     state = "fitted" if told else "not determined"
     return Parameter(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from flexspline.effects import UNITS
 from flexspline.errors import InputError
@@ -22,7 +21,7 @@ from flexspline.lazy import Rendered, render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.options import Bounds, coefficient_names
-from flexspline.least_squares.uncertainty import Uncertainty, require_level
+from flexspline.least_squares.uncertainty import Uncertainty, half_widths
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -78,7 +77,8 @@ class Parameter:
     kind : "coefficient", "shape" or, of a fit by simulation, "controller".
     value, standard_error : in `unit`; the error is NaN where there is none (fixed, at a bound).
     naive_error : as if the noise were white, for comparison.
-    interval : ends of the 95 % confidence interval.
+    interval : ends of the 95 % confidence interval; NaN where too few independent samples tell how
+        far off the value is.
     state : "fitted", "fixed", "at lower bound", "at upper bound" or "not determined".
     determined : whether the data (and priors) determine it by itself.
     prior : (value, standard error) it was given, or None.
@@ -105,13 +105,18 @@ class Parameter:
 
     @property
     def significant(self) -> bool:
-        """Whether the interval leaves out zero."""
-        return not self.interval[0] <= 0.0 <= self.interval[1]
+        """Whether the interval leaves out zero; not where there is none."""
+        return self.interval[0] > 0.0 or self.interval[1] < 0.0
+
+    @property
+    def error_known(self) -> bool:
+        """Whether there is an interval: its ends are NaN where the noise leaves too little."""
+        return bool(np.isfinite(self.interval).all())
 
     @property
     def stderr(self) -> float:
-        """The standard error; NaN where there is none: fixed, at a bound, not determined."""
-        return self.standard_error if self.determined else float("nan")
+        """The standard error; NaN where fixed, at a bound, not determined or not known."""
+        return self.standard_error if self.determined and self.error_known else float("nan")
 
     @property
     def fixed(self) -> bool:
@@ -127,16 +132,15 @@ class Parameter:
 
         Returns
         -------
-        (low, high), NaN where there is no standard error. For an interval that need not be
-        symmetric see `Fit.profile`.
+        (low, high), NaN where there is no standard error or it is not known. For an interval that
+        need not be symmetric see `Fit.profile`.
 
         Raises
         ------
         InputError
             For a level that is not between 0 and 1.
         """
-        require_level(level)
-        half = float(student.ppf(0.5 + 0.5 * level, self.degrees_of_freedom)) * self.stderr
+        half = float(half_widths(self.stderr, self.degrees_of_freedom, level))
         if not self.logarithmic:
             return self.value - half, self.value + half
         low, high = self.bounds or (None, None)

@@ -12,6 +12,8 @@ estimated too ([Satterthwaite1946]; for restricted likelihood [KenwardRoger1997]
 
     ν = 2 / (gᵀ cov(φ) g + 2 / (n - P)),     g = ∂ log(error²) / ∂φ
 
+Below one degree of freedom there is no interval: its ends are NaN.
+
 Naive errors, s² (XᵀX)⁻¹, which treat samples as independent, are kept for comparison.
 """
 
@@ -20,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
 from flexspline.errors import InputError
@@ -32,6 +34,9 @@ Array = NDArray[np.float64]
 #: 93–97 %. In tests/bench/coverage.py they still do at 15; at 6 they cover 96–100 %, being as wide
 #: as noise that is hardly known makes them. 20 leaves a margin.
 PIECES_NEEDED = 20.0
+#: Degrees of freedom below which nobody can say how far off a value is: the logarithm of its error
+#: is known no better than to 2^-½, a factor of two either way, and Student's t has no mean.
+LEAST_FREEDOM = 1.0
 _DOUBLINGS = 64  # of a sum's length: 2⁶⁴ rows, which no root below 1 outlasts
 _GONE = 1e-12  # of the transition: what it adds then is below rounding
 
@@ -94,10 +99,11 @@ class Uncertainty:
         return _errors(directions @ self.basis, self.core)
 
     def intervals(self, values: Array, confidence: float = 0.95) -> Array:
-        """(P, 2): lower and upper ends of the confidence intervals around values (P,)."""
-        require_level(confidence)
-        quantiles = student.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom)
-        half = quantiles * self.standard_errors
+        """(P, 2): lower and upper ends of the confidence intervals around values (P,).
+
+        NaN where the error is not known (`half_widths`).
+        """
+        half = half_widths(self.standard_errors, self.degrees_of_freedom, confidence)
         return np.column_stack([values - half, values + half])
 
     @property
@@ -144,6 +150,16 @@ class Uncertainty:
         if self.reliable:
             return f"Intervals hold: {need}, there are {have}."
         return f"Intervals are rough: {need}, there are {have}; record longer logs."
+
+
+def half_widths(errors: ArrayLike, freedom: ArrayLike, confidence: float = 0.95) -> Array:
+    """Return half of each confidence interval: Student's t times its standard error.
+
+    NaN below `LEAST_FREEDOM` degrees of freedom.
+    """
+    require_level(confidence)
+    quantiles = student.ppf(0.5 + 0.5 * confidence, freedom)
+    return np.where(np.less(freedom, LEAST_FREEDOM), np.nan, quantiles * np.asarray(errors))
 
 
 def require_level(confidence: float) -> None:

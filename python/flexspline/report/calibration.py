@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
-from flexspline.report.text import Verdict, faults_sentence
+from flexspline.report.text import UNKNOWN, Verdict, faults_sentence, unknown_error
 
 if TYPE_CHECKING:
     from flexspline.calibration.accuracy import Figure
@@ -371,6 +371,8 @@ def _line(
         remarks, concern = ["not determined alone" if alone else shown.state], True
     elif shown.state == "fixed":
         remarks.append("given, not fitted")
+    elif unknown_error(shown):
+        remarks.append(UNKNOWN)
     elif not shown.significant:
         remarks.append("not significant")
     if name == "zero" and result.zeros:
@@ -392,7 +394,7 @@ def _line(
 def _value(parameter: Parameter, scale: float, unit: str) -> str:
     if not parameter.determined and parameter.kind == "shape":
         return f"not determined, {short(parameter.value)} {unit} is used"
-    return f"{plus_minus(scale * parameter.value, scale * parameter.standard_error)} {unit}"
+    return f"{plus_minus(scale * parameter.value, scale * parameter.stderr)} {unit}"
 
 
 def _term(parameter: Parameter, power: int) -> str:

@@ -47,6 +47,7 @@ from flexspline.report.text import (
     known_groups,
     parameter_lines,
     trust,
+    unknown_error,
     validation_sentence,
     verdict,
 )
@@ -129,6 +130,7 @@ def _common(fit: Fit) -> dict[str, Any]:
         "lines": parameter_lines(fit),
         "groups": known_groups(fit),
         "determined": all(p.determined for p in fit.parameters),
+        "unknown": any(unknown_error(p) for p in fit.parameters),
         "between": between_rows(fit),
         "differ": between_sentences(fit),
         "trust": trust(fit)[:-1],

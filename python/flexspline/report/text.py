@@ -69,6 +69,8 @@ __all__ = [
 WIDTH = 100
 WIDEST = 120  # of the table of parameters
 IDLE = "not significant"
+UNKNOWN = "error not known"
+"""Of a value that has an estimate and no interval: too few independent samples tell its error."""
 SOUND = "No problem was found with the fit itself."
 
 TARGET_WORDS = {
@@ -329,7 +331,7 @@ def _idle(fit: Fit) -> list[str]:
         if p.kind == "coefficient"
         and p.determined
         and p.name not in whole
-        and np.isfinite(p.standard_error)
+        and np.isfinite(p.stderr)
         and not p.significant
     ]
     return idle + [f"{o.effect} order {o.order}" for o in orders if not o.significant]
@@ -408,9 +410,9 @@ def naive_remark(fit: Fit) -> str:
     """Return how wrong errors would be that take every sample for news; "" where none is known."""
     ratios = np.array(
         [
-            p.standard_error / p.naive_error
+            p.stderr / p.naive_error
             for p in fit.parameters
-            if p.determined and p.naive_error > 0.0 and np.isfinite(p.standard_error)
+            if p.naive_error > 0.0 and np.isfinite(p.stderr)
         ]
     )
     if not len(ratios):
@@ -454,8 +456,8 @@ def _parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     owner = parameter.name.split(".")[0] if "." in parameter.name else ""
     if not parameter.determined:
         return ParameterLine(name, *_undetermined(fit, parameter), concern=True, effect=owner)
-    value = plus_minus(parameter.value, parameter.standard_error)
-    remarks = []
+    value = plus_minus(parameter.value, parameter.stderr)
+    remarks = [UNKNOWN] if unknown_error(parameter) else []
     concern = False
     tied: list[str] = []
     if parameter.state == "fixed":
@@ -466,7 +468,7 @@ def _parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.prior is not None:
         remarks.append(f"prior {plus_minus(*parameter.prior)}")
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
-        if not parameter.significant:
+        if parameter.error_known and not parameter.significant:
             remarks.append(IDLE)
         tied = _partners(fit, parameter)
         remarks += tied
@@ -483,10 +485,15 @@ def _parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     )
 
 
+def unknown_error(parameter: Parameter) -> bool:
+    """Whether it was fitted, and too few independent samples tell how far off it is."""
+    return np.isfinite(parameter.standard_error) and not parameter.error_known
+
+
 def _interval(parameter: Parameter) -> str:
     low, high = parameter.interval
-    if not np.isfinite(parameter.standard_error) or not np.isfinite(high - low):
-        return ""  # unknown, or fewer effective samples than parameters
+    if not np.isfinite(parameter.stderr):
+        return ""
     digits = max(0, min(9, 1 - int(np.floor(np.log10(max((high - low) / 4.0, 1e-9))))))
     return f"{low:.{digits}f} to {high:.{digits}f}"
 
