@@ -129,6 +129,15 @@ def test_the_headline_and_the_table_below_it_say_one_error(name: str, made: Disc
     assert whole.final == pytest.approx(found.final_rmse, rel=1e-12)
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_an_effect_has_one_verdict(name: str, made: Discoveries) -> None:
+    """Never an equal of a name and spurious, or withdrawn for one reason and rejected for another."""
+    found = made[name]
+    told = {*found.names, *(equal for one in found.found for equal in one.indistinguishable_from)}
+    assert not told & {*found.refused, *found.doubted}
+    assert not {*found.refused} & {*found.doubted}
+
+
 @pytest.mark.parametrize("joint", [1, 2, 4])
 def test_so_it_is_in_a_log_as_it_was_recorded(joint: int) -> None:
     require_floor_below_what_is_left(

@@ -344,12 +344,36 @@ def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch)
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
 
     def rivals(made: Any) -> dict[str, list[Any]]:
-        vague = [SimpleNamespace(alias=True)] * SETTINGS.tried
+        vague = [SimpleNamespace(alias=True, more=True)] * SETTINGS.tried
         return {name: vague if name == "gravity" else vague[1:] for name in made.names}
 
     held, refused = confirmed(monkeypatch, each, rivals=rivals)
     assert [*held.shown] == ["viscous_friction"] and len(held.rivals["viscous_friction"]) == 3
     assert refused == {"gravity": UNLIKELY}
+
+
+@pytest.mark.parametrize(("off", "taken"), [(0.3, "gravity"), (0.02, None)])
+def test_of_equals_that_one_is_named_which_predicts_unseen_rows_better(
+    monkeypatch: pytest.MonkeyPatch, off: float, taken: str | None
+) -> None:
+    """iiwa, joint 2: a ripple of order 2 at 4.84 Nm where gravity leaves 2.93 Nm, "or gravity"."""
+    noise = np.random.default_rng(5).normal(size=4000)
+    problem = SimpleNamespace(block_rows=100)
+
+    def left(by: float) -> SimpleNamespace:
+        return SimpleNamespace(residuals=[noise + by], problem=problem, folds=())
+
+    made = SimpleNamespace(
+        final="output_ripple",
+        after=left(off),
+        searcher=SimpleNamespace(fitted=lambda name: (name, 0.0)),
+        left_by=lambda name: left({"gravity": 0.0, "inertia": 2.0 * off}[name]),
+        of=lambda name: name,
+    )
+    monkeypatch.setattr(confirmation, "in_place_of", lambda work, name, effect: effect)
+    monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
+    equals = [SimpleNamespace(alias=True, more=False, effect=e) for e in ("inertia", "gravity")]
+    assert confirmation._better_equal(made, {"output_ripple": equals}) == taken  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("first", "second", "kept"), [(0.21, 0.1, 2), (0.19, 0.9, 1)])

@@ -313,6 +313,31 @@ def test_the_report_stands_alone_can_be_read_and_shows_map_evidence_errors_and_p
     assert page_faults(tmp_path / "report.html") == []
 
 
+def test_a_page_without_a_name_speaks_of_none(tmp_path: Path) -> None:
+    """Two channels' product without a name: how large it is, and no figure of an extended model."""
+    runs = []
+    for seed in range(1, 5):
+        c = rich_run(seed, ROWS)
+        hidden = 2.0 * np.sin(3.0 * c["output_position"]) * np.tanh(c[LOAD] / 20.0)
+        torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + hidden
+        runs.append(log_of(c, sensor_torque=torque).with_facts({"name": f"run {seed}"}))
+    made = flexspline.discover(BASE, runs, target="sensor_torque", known_load=LOAD)
+    assert not made.found and made.unexplained
+    made.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for said in ("extended model", "before and after", "after (full)", "named effects change",
+                 "down at the noise floor", ">before<"):  # fmt: skip
+        assert said not in page, said
+    assert page_faults(tmp_path / "report.html") == []
+
+
+def test_what_is_in_the_model_and_was_not_given_is_marked_as_new(tmp_path: Path) -> None:
+    made = replace(found(), base_effects=("offset",))
+    made.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count('<span class="new">') == 1 + 3  # the name; three of the base not given here
+
+
 def test_a_notebook_shows_the_same_numbers_as_the_report() -> None:
     fragment = found()._repr_html_()
     assert "motor_crosstalk" in fragment and "0.0500 ± 0.00" in fragment

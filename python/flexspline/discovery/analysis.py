@@ -43,7 +43,7 @@ from flexspline.regression.candidate_model import (
 from flexspline.regression.gram import TINY, Whitening, left_of, rows_of, solved, tabulated
 
 __all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_look",
-           "rivals_of"]  # fmt: skip
+           "in_place_of", "rivals_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -168,7 +168,7 @@ def rivals_of(
         )  # fmt: skip
         allowed = [""]
         if trial is None and rival.alias:
-            trial, _ = searcher.fitted(_with(work.without(effect.name), offer.effect))
+            trial, _ = searcher.fitted(in_place_of(work, effect.name, offer.effect))
             allowed.append(FEW_PLACES)  # it is no ripple, but something that may be there
         if trial is None or rival.more or searcher.forbidden(trial, rival.name) in allowed:
             found.append(rival)
@@ -250,14 +250,15 @@ def _refitted(
 ) -> tuple[float, float, CandidateModel]:
     """Gain of the effect beside a rival with fitted shapes; the rival's in its place, and there."""
     others = work.without(effect.name)
-    trial, squares = searcher.fitted(_with(others, offer.effect))
+    trial, squares = searcher.fitted(in_place_of(work, effect.name, offer.effect))
     _, both = searcher.fitted(trial.with_effects(effect))
     without = searcher.fitted(others)[1]
     return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial
 
 
-def _with(work: CandidateModel, effect: Effect) -> CandidateModel:
-    """The model with an effect, or with more orders of one that it has."""
+def in_place_of(work: CandidateModel, name: str, effect: Effect) -> CandidateModel:
+    """The model with an effect in the place of another, or with more orders of one that it has."""
+    work = work.without(name)
     own = next((e for e in work.effects if e.name == effect.name), None)
     if own is None:
         return work.with_effects(effect)

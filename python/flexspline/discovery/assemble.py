@@ -151,6 +151,8 @@ def assembled(
         for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
+    told = {*named, *(name for one in found for name in one.indistinguishable_from)}
+    refused = {name: why for name, why in made.searcher.refused.items() if name not in told}
     plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
     return Discovery(
         target=problem.target,
@@ -168,8 +170,8 @@ def assembled(
         runs=_runs(made, held.steps.before, held.steps.after),
         motion=driven_apart(made, fit.model.facts),
         not_tried=made.context.not_tried,
-        refused={name: why for name, why in made.searcher.refused.items() if name not in named},
-        doubted=made.rejected,
+        refused=refused,
+        doubted=tuple(name for name in made.rejected if name not in told | {*refused}),
         plan=plan,
         also_seen=held.also_seen,
         inputs=inputs,
@@ -261,6 +263,11 @@ def _found(
     )
 
 
+def _many(t: float) -> str:
+    """Standard errors; of a log that a simulator wrote without noise they are of rounding alone."""
+    return f"{t:.1f}" if t < 1e4 else "more than 10 000"
+
+
 def _evidence(
     made: Analysis,
     effect: Effect,
@@ -275,7 +282,7 @@ def _evidence(
     what = "runs" if by_runs(made.context.problem) else "blocks"
     said = (
         f"On {what} that the fit never saw it takes the error from {padded(rmse[0])} to "
-        f"{padded(rmse[1])} {unit}{beside}; beside all other effects it stands {t:.1f} standard "
+        f"{padded(rmse[1])} {unit}{beside}; beside all other effects it stands {_many(t)} standard "
         "errors from nothing, with the noise's memory counted"
     )
     others = [r for r in rivals if not r.alias]

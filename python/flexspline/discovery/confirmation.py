@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from flexspline.discovery.analysis import Analysis, Rival, rivals_of
+from flexspline.discovery.analysis import Analysis, Rival, in_place_of, rivals_of
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.result import (
     FORMED,
@@ -178,6 +178,9 @@ def confirmed(
         if not name:
             rivals = _rivals(made)
             sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
+            if better := _better_equal(made, rivals):
+                made = _answering(better)
+                continue
             if unlikely := _unlikely(rivals, sure):
                 name, why = unlikely[-1], UNLIKELY
             else:
@@ -358,6 +361,20 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     """What else may be in the place of each name, and the channels that tie it to the name."""
     searcher, final = made.searcher, made.final
     return {e.name: rivals_of(searcher, final, e, made.tied) for e in final.named}
+
+
+def _better_equal(made: Analysis, rivals: Mapping[str, Sequence[Rival]]) -> Analysis | None:
+    """The analysis with an effect in the place of a name that these runs do not tell from it, where
+    it predicts rows held out better by more than two that are told apart differ; None of none.
+    """
+    for name, own in rivals.items():
+        equals = [rival.effect for rival in own if rival.alias and not rival.more]
+        for effect in equals:
+            trial, _ = made.searcher.fitted(in_place_of(made.final, name, effect))
+            fall, error = _fall(made.after, made.left_by(trial))
+            if fall > SETTINGS.told * error:
+                return _in_order(made.of(trial))
+    return None
 
 
 def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:

@@ -49,13 +49,25 @@ FEW = 0.02  # of all rows: a part of fewer says so
 MOST_RUNS = 6
 BEFORE, AFTER = PALETTE[3], PALETTE[0]
 
+SHOWN_ALONE = {
+    "run": "The stretch in which the residual is largest, predicted by fits without it.",
+    "left": "The same stretch: measured less predicted.",
+    "shrunk": "RMS on held-out folds, in parts of the runs and in bands of the residual{worst}; "
+    "the dashed line is how low it could get over all rows.",
+    "driven": "The run on which the forward simulation is worst: the model starts from the "
+    "measured state and sees nothing but the inputs, by fits without the run. What friction is "
+    "wrong about adds up here.",
+    "orders": "Amplitude of the residual over orders of the output, on held-out folds.",
+}
+"""What to look for in the figures of a discovery that names nothing."""
+
 LOOK_FOR = {
     "run": "The stretch in which the named effects change most, predicted by fits without "
     "it; short where they change fast. The extended model should lie on what was measured where "
     "the base does not.",
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
     "shrunk": "RMS on held-out folds, before (open) and after (full), in parts of the runs "
-    "and in bands of the residual; the dashed line is how low it could get over all rows.",
+    "and in bands of the residual{worst}; the dashed line is how low it could get over all rows.",
     "driven": "The run on which the forward simulation gained most, or lost least: both models "
     "start from the measured state and see nothing but the inputs, by fits without the run. "
     "What friction is wrong about adds up here.",
@@ -73,17 +85,19 @@ def plot_discovery(made: Discovery) -> PlainFigure:
 
 def panels(made: Discovery) -> list[Panel]:
     """Return the views that the runs allow."""
+    said = LOOK_FOR if made.found else SHOWN_ALONE
+    every = telling(made.slices)
+    shown = _shown(every)
+    worst = f", of the runs the {MOST_RUNS} worst" if len(shown) < len(every) else ""
     found = [
-        Panel(partial(held_out_run, made), LOOK_FOR["run"]),
-        Panel(partial(left_over, made), LOOK_FOR["left"]),
-        Panel(
-            partial(shrunk, made), LOOK_FOR["shrunk"], _height(len(_shown(telling(made.slices))))
-        ),
+        Panel(partial(held_out_run, made), said["run"]),
+        Panel(partial(left_over, made), said["left"]),
+        Panel(partial(shrunk, made), said["shrunk"].format(worst=worst), _height(len(shown))),
     ]
     if made.motion is not None:
-        found.append(Panel(partial(driven_forward, made), LOOK_FOR["driven"]))
+        found.append(Panel(partial(driven_forward, made), said["driven"]))
     if can_be_drawn(orders_before_after, made):
-        found.append(Panel(partial(orders_before_after, made), LOOK_FOR["orders"]))
+        found.append(Panel(partial(orders_before_after, made), said["orders"]))
     return found
 
 
@@ -163,7 +177,15 @@ def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     floor = "all that is left" if made.floor.by == BY_NAMES else "noise floor"
     ax.axvline(made.noise_floor, color=INK, linewidth=0.8, linestyle="--", label=floor)
     ax.hlines(at, final, base, color=GREY, linewidth=1.2)
-    ax.plot(base, at, "o", color=BEFORE, markerfacecolor="none", markersize=5, label="before")
+    ax.plot(
+        base,
+        at,
+        "o",
+        color=BEFORE,
+        markerfacecolor="none",
+        markersize=5,
+        label="before" if made.found else "base model",
+    )
     if made.found:
         ax.plot(final, at, "o", color=AFTER, markersize=4.5, label="after")
     whole = max(s.rows for s in shown)
@@ -195,7 +217,8 @@ def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
     ):
         ax.plot(*spectrum, color=look[0], linewidth=look[1], label=label)
     over_orders(ax, spectra["base model"][0], made.unit)
-    return finished(ax, "Orders of the residual, before and after")
+    after = ", before and after" if made.found else ""
+    return finished(ax, f"Orders of the residual{after}")
 
 
 def _telling(made: Discovery) -> tuple[int, slice]:

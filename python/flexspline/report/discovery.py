@@ -45,16 +45,17 @@ __all__ = ["discovery_html", "discovery_text", "remarks", "verdict", "write_disc
 WIDTH = 100
 TERMINAL = 79  # of the rows of a table, which read badly where a terminal breaks them
 MAP = (
-    "RMS of measured − predicted on folds that no fit saw (line; blue: the extended model) in "
-    "each band against the noise floor there (grey, with two standard errors). What lies between "
-    "is the excess, coloured, and a dot marks an excess that is more than chance. All panels have "
-    "the same scale; what the gap follows comes first. Hatched: fewer than 2 % of the rows; an "
-    "arrow: the extended model's RMS where it is above the axes."
+    "RMS of measured − predicted on folds that no fit saw (line{after}) in each band against the "
+    "noise floor there (grey, with two standard errors). What lies between is the excess, "
+    "coloured, and a dot marks an excess that is more than chance. All panels have the same "
+    "scale; what the gap follows comes first. Hatched: fewer than 2 % of the rows{arrow}. "
+    "Triangles: orders that are more than chance, each with the amplitude of a fit."
 )
 PLAN = (
     "What to command over time, as next_experiment.csv holds it, and how far apart the rivals are "
     "expected to stand after this run if the named one is right, beside now and the best run of "
-    "each simple kind."
+    "each simple kind. The bars are for exact forms: where the form of the named one may be off by "
+    "what the other explains, the text does not tell the two apart beyond the line either."
 )
 
 MOST_RIVALS = 3
@@ -114,7 +115,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
         _common(made),
         title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
         places=where_sentences(made),
-        map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
+        map=ReportFigure(inline_svg(chart, "map of the disagreement"), _map_caption(made)),
         figures=[drawn(panel) for panel in panels(made)],
         plan=None
         if made.plan is None
@@ -131,6 +132,13 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
         facts=model_facts(made.fit),
         call=discovery_call(made),
     )
+
+
+def _map_caption(made: Discovery) -> str:
+    if not made.found:
+        return MAP.format(after="", arrow="")
+    arrow = "; an arrow: the extended model's RMS where it is above the axes"
+    return MAP.format(after="; blue: the extended model", arrow=arrow)
 
 
 def _common(made: Discovery) -> dict[str, Any]:
@@ -292,7 +300,12 @@ def floor_sentence(made: Discovery) -> str:
 
 def where_sentences(made: Discovery) -> tuple[str, str]:
     """Return how large the gap is, and where; the floor there is as `floor_sentence` has it."""
-    first, second = made.disagreement.before.sentences
+    before = made.disagreement.before
+    first, second = before.sentences
+    if not before.follows and (made.found or made.unexplained):
+        what, size = TARGET_WORDS[made.target], f"{padded(before.rmse)} {made.unit} RMS"
+        first = f"The base misses the {what} by {size}."
+        return first, "No channel alone is seen to locate that, band by band."
     if made.floor.by != BY_ENCODER:
         first = first.replace("a noise floor of", "a noise floor of at most")
     return first, second
