@@ -131,7 +131,7 @@ def test_the_headline_and_the_table_below_it_say_one_error(name: str, made: Disc
 
 @pytest.mark.parametrize("name", ALL)
 def test_an_effect_has_one_verdict(name: str, made: Discoveries) -> None:
-    """Never an equal of a name and spurious, or withdrawn for one reason and rejected for another."""
+    """Never an equal of a name and spurious; never withdrawn, and rejected for another reason."""
     found = made[name]
     told = {*found.names, *(equal for one in found.found for equal in one.indistinguishable_from)}
     assert not told & {*found.refused, *found.doubted}
