@@ -64,10 +64,12 @@ class Dependence:
     def sentence(self) -> str:
         """What follows for whoever reads an effect's name."""
         one, other = self.said
+        share = 100.0 * self.left**2
+        missed = f"{share:.2g} %" if share >= 0.01 else "less than 0.01 %"
         return (
-            f"In these runs {one} is nearly a function of {other}: a smooth one misses "
-            f"{100.0 * self.left:.2g} % of its variation on rows left out, and what depends on the "
-            f"one may depend on the other. A run {self.run} would tell."
+            f"In these runs {one} is nearly a function of {other}: a smooth one misses {missed} of "
+            "its variance on rows left out, and what depends on the one may depend on the other. "
+            f"A run {self.run} would tell."
         )
 
     def swapped(self, reads: Sequence[str], others: Sequence[str]) -> bool:
