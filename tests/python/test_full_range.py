@@ -12,6 +12,7 @@ import pytest
 
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
+from flexspline.estimators import Calibration, Collision, TemperatureCompensation
 from flexspline.full_range import FullRange, Transition, train, with_mesh_stiffness
 from flexspline.full_range.methods import (
     StructuralDamping,
@@ -72,6 +73,36 @@ def test_merged_beats_either_alone_on_a_run_never_seen() -> None:
     assert table["m"]["full"].rmse < table["c"]["full"].rmse * 1.02
     weak = train(rigs.model(stiffness=15548.0), [rigs.rig(0).log], methods=()).table(unseen().log)
     assert weak["m"]["full"].rmse < 0.7 * min(weak["o"]["full"].rmse, weak["c"]["full"].rmse)
+
+
+def test_a_trained_model_still_reads_volts_as_the_model_that_it_was_trained_from() -> None:
+    """Calibration and compensation were dropped: of a log of volts every estimate was empty."""
+    calibration = Calibration(40.0, 1.5)
+    sensing = rigs.model().with_estimator(calibration).with_estimator(
+        TemperatureCompensation((0.0, 0.02), reference_temperature=25.0)
+    )  # fmt: skip
+    detector = Collision("sensor", (), (3.0,), (3.0,))
+    made = train(sensing.with_estimator(detector), [rigs.rig(0).log], methods=())
+    assert not any("is left out" in said for said in made.warnings)
+    log = rigs.rig(1).log
+    volts = log.with_columns(
+        {
+            "sensor_voltage": (log["reference_torque"] - 1.5) / 40.0,
+            "temperature": np.full(len(log), 30.0),
+        },
+        note="of the test",
+    )
+    found, before = estimate(made.model, volts), estimate(sensing, volts)
+    assert np.isfinite(found["sensor_torque"]).all() and "contact" in found
+    assert np.array_equal(found["sensor_torque"], before["sensor_torque"])
+    assert np.isfinite(found["external_torque_merged"]).any()
+
+
+def test_a_detector_of_a_torque_that_training_replaces_is_left_out_and_that_is_said() -> None:
+    watching = trained().model.with_estimator(Collision("merged", (), (3.0,), (3.0,)))
+    made = train(watching, [rigs.rig(0).log], methods=())
+    assert "collision" not in made.model.estimators
+    assert any("the estimator collision of the model is left out" in s for s in made.warnings)
 
 
 def test_the_observer_is_blind_at_rest_and_the_compliance_worst_in_motion() -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.estimation.plan import carried_warnings
-from flexspline.estimators import Merge
+from flexspline.estimators import Adaptation, Collision, Estimator, Merge
 from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import AT_REST
 from flexspline.full_range.methods import (
@@ -152,6 +152,13 @@ def train(
     at_rest : what the model's merge takes at rest: "compliance" ("m"), or "compliant_observer",
         which puts "co" into the model ("mco").
 
+    Returns
+    -------
+    FullRange
+        Its model has observer, compliance and merge as trained, and every other estimator of
+        `model`, such as the sensor's calibration; what was tuned to the torques that training
+        replaces (a detector, an adaptation) is left out, and a warning says so.
+
     Raises
     ------
     InputError
@@ -195,6 +202,7 @@ def train(
         warnings=(
             *warnings_of(transitions, signals, task.truth(), reference),
             *carried_warnings(variants[kept]),
+            *_left_out(model),
             *faults,
         ),
     )
@@ -270,7 +278,28 @@ def _finished(
     merge = Merge(chosen.alpha, chosen.transition_velocity, record=record, at_rest=at_rest)
     made = with_estimators(model, settings)
     link = at_rest != "compliance"
-    return (made.with_estimator(link_observer(settings)) if link else made).with_estimator(merge)
+    made = (made.with_estimator(link_observer(settings)) if link else made).with_estimator(merge)
+    for key, stage in model.estimators.items():
+        if key not in made.estimators and not _tuned_to_others(stage, model):
+            made = made.with_estimator(stage)
+    return made
+
+
+def _tuned_to_others(stage: Estimator, model: Model) -> bool:
+    """Whether a stage is tuned to torques or to a part that a trained observer does not go by."""
+    if isinstance(stage, Adaptation):
+        return getattr(model.estimators["observer"], "input", "") != "motor_torque"
+    return isinstance(stage, Collision) and stage.input != "sensor"
+
+
+def _left_out(model: Model) -> list[str]:
+    """A sentence for each estimator of a model that the trained one lacks."""
+    return [
+        f"the estimator {key} of the model is left out: it was tuned to an observer or a merge "
+        "that training replaces; tune it again to the trained model"
+        for key, stage in model.estimators.items()
+        if _tuned_to_others(stage, model)
+    ]
 
 
 def _scored(made: FullRange, task: _Task, signals: Mapping[str, Sequence[Signals]]) -> FullRange:
