@@ -18,6 +18,7 @@ from flexspline.full_range.methods import (
     StructuralDamping,
     choose_transition,
     fit_structural_damping,
+    merge_weight,
     signals_of,
 )
 from flexspline.logs.log import Log
@@ -149,11 +150,39 @@ def test_a_weight_at_rest_shuts_the_observer_out_and_its_lack_is_warned_of() -> 
     logs = [rigs.rig(seed).log for seed in (0, 1)]
     shut = train(rigs.model(), logs, methods=(), weight_at_rest=0.02)
     assert shut.transition.weight_at_rest <= 0.02 + 1e-12
+    assert shut.transition.mean_at_rest <= 0.02
     assert not any("λ(0)" in sentence for sentence in shut.warnings)
     free = trained()
     assert free.transition.weight_at_rest > 0.05
     assert any(s.startswith("m: λ(0) = ") for s in free.warnings)
     assert "Warning: m: λ(0)" in str(free).replace("\n  ", " ")
+
+
+def test_a_weight_at_rest_holds_with_the_noise_of_the_velocity_and_not_at_zero_alone() -> None:
+    """λ(0) = 0.05 was met by a step within the noise: behind it a quarter was the observer's."""
+    rng = np.random.default_rng(3)
+    still = np.arange(40_000) % 2 == 0
+    velocity = np.where(still, rng.normal(0.0, 2e-4, 40_000), rng.uniform(0.002, 0.5, 40_000))
+    blind = np.where(still, 0.4, 0.1)  # the observer is somewhat worse at rest, better in motion
+    errors = [rng.normal(0.0, size) for size in (blind, np.full(40_000, 0.35))]
+    blocks = np.arange(40_000) // 1000
+    found = choose_transition(velocity, *errors, blocks, weight_at_rest=0.05, at_rest=still, seed=1)
+    weight = merge_weight(np.abs(velocity[still]), found.alpha, found.transition_velocity)
+    assert weight.mean() <= 0.05
+    assert found.mean_at_rest == pytest.approx(weight.mean())
+    assert found.weight_at_rest <= 0.05 and found.warning is None
+    moving = np.abs(velocity[~still])
+    assert merge_weight(moving, found.alpha, found.transition_velocity).mean() > 0.95
+
+
+def test_noise_that_lets_the_observer_in_at_rest_is_warned_of_where_zero_speed_would_not() -> None:
+    nothing = (0.0, 0.0)
+    noisy = Transition(9870.0, 3e-4, nothing, nothing, 0.0, 0.0, 0.0, mean_at_rest=0.255)
+    quiet = replace(noisy, transition_velocity=4e-4)
+    assert quiet.weight_at_rest < 0.05
+    assert quiet.warning is not None
+    assert quiet.warning.startswith("with the noise of the velocity, λ at rest = 0.255")
+    assert replace(quiet, mean_at_rest=0.04).warning is None
 
 
 def test_the_paper_s_first_merge_leaves_38_percent_of_the_observer_at_rest() -> None:

@@ -66,6 +66,7 @@ from flexspline.full_range.torsion_part import (
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs
+from flexspline.logs.segments import at_rest as rows_at_rest
 from flexspline.model import Model
 from flexspline.part import Part
 
@@ -144,8 +145,9 @@ def train(
         that 99 % of the rows stay below, 0.01 rad/s at least.
     rotor_inertia : J_m, kg·m² at the motor, of the methods "co", "mco", "o2"; 0 where not known:
         the link then has all inertia, and there is no "o2".
-    weight_at_rest : largest λ(0) allowed; None leaves the observer as much at standstill as the
-        RMSE asks for, with a warning above 0.05.
+    weight_at_rest : largest mean λ allowed over the training rows that certainly stand still, whose
+        measured velocity is noise, and largest λ(0); None leaves the observer as much at standstill
+        as the RMSE asks for, with a warning above 0.05.
     methods : which of "sd", "gp", "kalman" to train.
     gp_rows : samples that enter the Gaussian process, 20 to 25000.
     seed : of blocks drawn and of the Gaussian process.
@@ -244,6 +246,7 @@ class _Task:
             compliance,
             self.blocks(),
             weight_at_rest=self.weight_at_rest,
+            at_rest=np.concatenate([rows_at_rest(run) for run in self.runs]),
             seed=self.seed,
         )
 
