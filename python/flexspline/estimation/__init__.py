@@ -234,11 +234,12 @@ MEANING = {
     Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
     Status.NO_TEMPERATURE: "no temperature",
     Status.NO_SENSOR: "no external torque from the sensor",
-    Status.NO_OBSERVER: "no torque from the observer",
+    Status.NO_OBSERVER: "no torque from the observer: an input is missing, or it starts",
     Status.NO_COMPLIANCE: "no torque from the compliance",
     Status.NO_MERGED: "no merged torque",
     Status.NO_CONTACT: "contact is not decided",
-    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
+    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link: an input is missing, "
+    "or it starts",
     Status.NO_VELOCITY: "no velocity from the angle: it is missing, or its filter starts",
     Status.SENSOR_FAULT: "the sensor's voltage or torque is out of its range and was taken out",
     Status.MOTOR_FAULT: "the motor's torque is out of its range and was taken out",
@@ -490,7 +491,9 @@ def estimate(
     The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
     calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
     collision, each where the model holds it. A value is NaN where its stage had nothing to work
-    with, and `status` says so; filters, observer, lags and detector start again behind a gap.
+    with, and `status` says so; filters, observer, lags and detector start again behind a gap, a
+    step of more than 2.5 median ones. An observer says nothing until it has forgotten its start:
+    for 5 / K behind the first row, and behind any time as long without what it reads.
     Nothing that looks ahead is used: a velocity that the log lacks is the causal derivative of its
     position, and a note says so.
 
