@@ -227,13 +227,15 @@ class _Rest:
 
     @classmethod
     def of(cls, still: Array, most: float | None) -> _Rest:
-        """Of rows that stand still: the speed zero, where there are none, else what was measured.
+        """Of speeds measured at standstill, and of zero where there are none or all is allowed.
 
         Quantiles stand for many rows, each for the fastest of its share.
         """
+        if most is None:
+            return cls(np.zeros(1), 1.0)
         shares = np.linspace(0.0, 1.0, BANDS + 1)[1:]
         speeds = np.quantile(still, shares) if len(still) > BANDS else still
-        return cls(speeds if len(speeds) else np.zeros(1), 1.0 if most is None else most)
+        return cls(speeds if len(speeds) else np.zeros(1), most)
 
     def allows(self, alpha: float, transition_velocity: float) -> bool:
         """Whether the bound holds; λ rises with speed, so that it holds for λ(0) too."""
