@@ -101,8 +101,8 @@ TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, 
                                              contact};
     CHECK(same<S>(device.out, expected));
     const Stage silent = Stage::observer | Stage::merge | Stage::collision;
-    CHECK(device.out.missed == ((observes ? Stage::none : silent) |
-                                (links ? Stage::none : Stage::compliant_observer)));
+    CHECK(device.out.missed ==
+          ((observes ? Stage::none : silent) | (links ? Stage::none : Stage::compliant_observer)));
     CHECK(device.out.flags == Flag::none);
   }
 }

@@ -248,9 +248,8 @@ struct Chain {
     if (const auto* observer = given(stages.observer)) {
       const bool by_sensor = stages.observer_input == ObserverInput::sensor_torque;
       const S known = (by_sensor ? sensor_torque : in.motor_torque) - in.observer_intrinsic;
-      const S found =
-          observed(*observer, state.observer, in.momentum, known, in.period, state.observer_wait,
-                   state.observer_memory);
+      const S found = observed(*observer, state.observer, in.momentum, known, in.period,
+                               state.observer_wait, state.observer_memory);
       if (!math::is_finite(found)) return miss(Stage::observer, out);
       return out.external_observer = found;
     }
