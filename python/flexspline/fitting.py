@@ -65,7 +65,8 @@ def fit(
         reference channel is left unused.
     lowpass : Hz; zero phase, on the target and on every row alike.
     orders : {"output_ripple": [1, 2, 4]}; a ripple effect without orders gets those that the
-        order analysis finds in the residual of the others.
+        order analysis finds in the residual of the others; low ones of the output, where the runs
+        cover part of a turn, those that explain most beside the others, with a warning.
     fixed : {"inertia": 0.02}: parameters that are not fitted, by "effect.term", shape name, or
         effect alone where that is unique; in their units.
     bounds : {"viscous_friction": (0, None)}: limits; a parameter that ends there is said to.

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline import Compliance, Fit, InputError, Model, full_range
+from flexspline import Compliance, Fit, FlexsplineWarning, InputError, Model, full_range
 from flexspline.exporting.coupling import without_log
 from flexspline.logs.log import Log
 from flexspline.report.html import model_facts
@@ -84,7 +84,7 @@ def gear() -> Fit:
 
 def external(model: Model, log: Log) -> tuple[Array, tuple[str, ...]]:
     made = flexspline.estimate(model.with_estimator(Compliance()), log)
-    return made.columns["external_torque_compliance"], made.notes
+    return made.columns["external_torque_compliance"], made.warnings
 
 
 def test_a_stiffness_run_at_one_angle_leaves_its_weight_out_of_the_offset() -> None:
@@ -200,6 +200,16 @@ def test_a_gravity_that_its_fit_did_not_determine_is_said_where_it_is_read() -> 
         (said,) = [one for one in sentences if "was not determined" in one]
         assert "the gravity of the part for motor_torque" in said
         assert "do not tell it from offset" in said
+
+
+def test_a_gravity_that_is_not_determined_is_warned_of_as_a_joint_is_exported(
+    tmp_path: Path,
+) -> None:
+    model = narrow().with_estimator(Compliance())
+    with pytest.warns(FlexsplineWarning, match="gravity .* was not determined by its fit"):
+        flexspline.export(model, tmp_path / "joint.hpp")
+    with pytest.raises(InputError, match="without strict this is a warning"):
+        flexspline.export(model, tmp_path / "joint.hpp", strict=True)
 
 
 def test_a_gravity_that_is_determined_is_not_spoken_of() -> None:

@@ -76,6 +76,56 @@ def test_an_order_whose_owner_is_not_in_the_model_is_named() -> None:
     )
 
 
+def swung(seed: int, reach: float, ripple: float = 0.16) -> Log:
+    """A link of 9 Nm that swings `reach` rad to either side, read with order 2 of the output."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 40.0, 0.01)
+    q = np.zeros_like(t)
+    for size, slow, fast in [(1.0, 0.03, 0.1), (0.5, 0.1, 0.2), (0.3, 0.2, 0.3)]:
+        turned = 2 * np.pi * rng.uniform(slow, fast) * t + rng.uniform(0.0, 2 * np.pi)
+        q += reach / 1.8 * size * np.sin(turned)
+    y = 4.0 * np.sin(q) + 9.0 * np.cos(q) + ripple * np.cos(2 * q - 0.3)
+    y += rng.normal(0.0, 0.02, len(t))
+    facts = {"name": f"run {seed}", "gear_ratio": 100}
+    return Log.from_arrays(time=t, output_position=q, sensor_torque=y, facts=facts)
+
+
+def beside_gravity(logs: list[Log]) -> tuple[flexspline.Fit, list[int]]:
+    effects = ["offset", "gravity", "output_ripple"]
+    fit = flexspline.fit(effects, logs, "sensor_torque", checks=False)
+    return fit, [order for e in fit.part.effects if e.ripple for order, _ in e.harmonics]
+
+
+@pytest.mark.parametrize("seed", [10, 20, 30, 40])
+def test_over_part_of_a_turn_an_order_is_found_that_offset_and_gravity_would_hide(
+    seed: int,
+) -> None:
+    fit, orders = beside_gravity([swung(seed + k, reach=2.2) for k in range(3)])
+    assert orders == [2]
+    for name, true in [("offset", 0.0), ("gravity.sine", 4.0), ("gravity.cosine", 9.0)]:
+        assert abs(fit[name].value - true) < 4 * fit[name].standard_error, name
+
+
+def test_orders_found_over_part_of_a_turn_are_warned_of_in_the_verdict() -> None:
+    fit, _ = beside_gravity([swung(10 + k, reach=2.2) for k in range(3)])
+    (said,) = [one for one in fit.warnings if "look alike" in one]
+    assert "of a turn of the output, over which orders of output_ripple look alike" in said
+    assert "Check before use: 1 warning" in " ".join(str(fit).split())
+
+
+def test_over_part_of_a_turn_no_order_is_made_up_where_there_is_no_ripple() -> None:
+    fit, orders = beside_gravity([swung(10 + k, reach=2.2, ripple=0.0) for k in range(3)])
+    assert orders == []
+    assert not any("look alike" in one for one in fit.warnings)
+
+
+def test_over_whole_turns_order_1_is_gravity_and_none_of_the_ripple() -> None:
+    fit, orders = beside_gravity([swung(10 + k, reach=4.5) for k in range(3)])
+    assert orders == [2]
+    assert fit["gravity.cosine"].determined
+    assert not any("look alike" in one for one in fit.warnings)
+
+
 def test_given_orders_are_taken_as_they_are() -> None:
     fit = flexspline.fit(
         [*SMOOTH, "output_ripple"],

@@ -12,17 +12,20 @@ import pytest
 
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
+from flexspline.estimators import Calibration, Collision, TemperatureCompensation
 from flexspline.full_range import FullRange, Transition, train, with_mesh_stiffness
 from flexspline.full_range.methods import (
     StructuralDamping,
     choose_transition,
     fit_structural_damping,
+    merge_weight,
     signals_of,
 )
 from flexspline.logs.log import Log
 from flexspline.model import Model
 
 QUICK = ("sd", "kalman")
+START = 32  # rows of 2 ms: 5 / K of the trained observer, 80 1/s, is 62.5 ms
 
 
 @cache
@@ -74,6 +77,36 @@ def test_merged_beats_either_alone_on_a_run_never_seen() -> None:
     assert weak["m"]["full"].rmse < 0.7 * min(weak["o"]["full"].rmse, weak["c"]["full"].rmse)
 
 
+def test_a_trained_model_still_reads_volts_as_the_model_that_it_was_trained_from() -> None:
+    """Calibration and compensation were dropped: of a log of volts every estimate was empty."""
+    calibration = Calibration(40.0, 1.5)
+    sensing = rigs.model().with_estimator(calibration).with_estimator(
+        TemperatureCompensation((0.0, 0.02), reference_temperature=25.0)
+    )  # fmt: skip
+    detector = Collision("sensor", (), (3.0,), (3.0,))
+    made = train(sensing.with_estimator(detector), [rigs.rig(0).log], methods=())
+    assert not any("is left out" in said for said in made.warnings)
+    log = rigs.rig(1).log
+    volts = log.with_columns(
+        {
+            "sensor_voltage": (log["reference_torque"] - 1.5) / 40.0,
+            "temperature": np.full(len(log), 30.0),
+        },
+        note="of the test",
+    )
+    found, before = estimate(made.model, volts), estimate(sensing, volts)
+    assert np.isfinite(found["sensor_torque"]).all() and "contact" in found
+    assert np.array_equal(found["sensor_torque"], before["sensor_torque"])
+    assert np.isfinite(found["external_torque_merged"]).any()
+
+
+def test_a_detector_of_a_torque_that_training_replaces_is_left_out_and_that_is_said() -> None:
+    watching = trained().model.with_estimator(Collision("merged", (), (3.0,), (3.0,)))
+    made = train(watching, [rigs.rig(0).log], methods=())
+    assert "collision" not in made.model.estimators
+    assert any("the estimator collision of the model is left out" in s for s in made.warnings)
+
+
 def test_the_observer_is_blind_at_rest_and_the_compliance_worst_in_motion() -> None:
     table = trained().table(unseen().log)
     assert table["o"]["no motion"].rmse > 2.0 * table["c"]["no motion"].rmse
@@ -90,7 +123,11 @@ def test_the_estimates_are_those_of_the_production_chain_bit_for_bit() -> None:
     log = unseen().log
     chain, found = estimate(trained().model, log), trained().estimates(log)
     for name, column in (("o", "observer"), ("c", "compliance"), ("m", "merged")):
-        np.testing.assert_array_equal(found[name], chain[f"external_torque_{column}"])
+        torque = chain[f"external_torque_{column}"]
+        begun = np.full(len(log), column == "compliance")
+        begun[START:] = True  # a device says nothing of an observer's start
+        assert np.array_equal(np.isfinite(torque), begun)
+        np.testing.assert_array_equal(found[name][begun], torque[begun])
 
 
 def test_the_trained_model_survives_its_file() -> None:
@@ -118,11 +155,39 @@ def test_a_weight_at_rest_shuts_the_observer_out_and_its_lack_is_warned_of() -> 
     logs = [rigs.rig(seed).log for seed in (0, 1)]
     shut = train(rigs.model(), logs, methods=(), weight_at_rest=0.02)
     assert shut.transition.weight_at_rest <= 0.02 + 1e-12
+    assert shut.transition.mean_at_rest <= 0.02
     assert not any("λ(0)" in sentence for sentence in shut.warnings)
     free = trained()
     assert free.transition.weight_at_rest > 0.05
     assert any(s.startswith("m: λ(0) = ") for s in free.warnings)
     assert "Warning: m: λ(0)" in str(free).replace("\n  ", " ")
+
+
+def test_a_weight_at_rest_holds_with_the_noise_of_the_velocity_and_not_at_zero_alone() -> None:
+    """λ(0) = 0.05 was met by a step within the noise: behind it a quarter was the observer's."""
+    rng = np.random.default_rng(3)
+    still = np.arange(40_000) % 2 == 0
+    velocity = np.where(still, rng.normal(0.0, 2e-4, 40_000), rng.uniform(0.002, 0.5, 40_000))
+    blind = np.where(still, 0.4, 0.1)  # the observer is somewhat worse at rest, better in motion
+    errors = [rng.normal(0.0, size) for size in (blind, np.full(40_000, 0.35))]
+    blocks = np.arange(40_000) // 1000
+    found = choose_transition(velocity, *errors, blocks, weight_at_rest=0.05, at_rest=still, seed=1)
+    weight = merge_weight(np.abs(velocity[still]), found.alpha, found.transition_velocity)
+    assert weight.mean() <= 0.05
+    assert found.mean_at_rest == pytest.approx(weight.mean())
+    assert found.weight_at_rest <= 0.05 and found.warning is None
+    moving = np.abs(velocity[~still])
+    assert merge_weight(moving, found.alpha, found.transition_velocity).mean() > 0.95
+
+
+def test_noise_that_lets_the_observer_in_at_rest_is_warned_of_where_zero_speed_would_not() -> None:
+    nothing = (0.0, 0.0)
+    noisy = Transition(9870.0, 3e-4, nothing, nothing, 0.0, 0.0, 0.0, mean_at_rest=0.255)
+    quiet = replace(noisy, transition_velocity=4e-4)
+    assert quiet.weight_at_rest < 0.05
+    assert quiet.warning is not None
+    assert quiet.warning.startswith("with the noise of the velocity, λ at rest = 0.255")
+    assert replace(quiet, mean_at_rest=0.04).warning is None
 
 
 def test_the_paper_s_first_merge_leaves_38_percent_of_the_observer_at_rest() -> None:
@@ -207,7 +272,11 @@ def test_a_gap_in_the_log_starts_the_observer_again() -> None:
     keep[4000:6000] = False
     cut = log.rows(keep)
     chain, found = estimate(trained().model, cut), trained().estimates(cut)
-    np.testing.assert_array_equal(found["o"], chain["external_torque_observer"])
+    observer = chain["external_torque_observer"]
+    silent = [*range(START), *range(4000, 4000 + START)]
+    assert np.flatnonzero(np.isnan(observer)).tolist() == silent
+    begun = np.isfinite(observer)
+    np.testing.assert_array_equal(found["o"][begun], observer[begun])
 
 
 def test_a_velocity_that_is_missing_is_made_as_on_the_device() -> None:

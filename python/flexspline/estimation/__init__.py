@@ -104,12 +104,14 @@ class Estimate:
     notes : sentences on what was derived, missing, extrapolated or held.
     adapted : parameters that an adaptation learned, with their units: columns behind all others,
         each row with what was known behind it.
+    doubts : sentences on what is wrong with the model for these estimates; `warnings` has them too.
     """
 
     name: str
     columns: Mapping[str, Array]
     notes: tuple[str, ...] = ()
     adapted: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = (*COLUMNS, *self.adapted)
@@ -119,7 +121,8 @@ class Estimate:
         object.__setattr__(self, "columns", MappingProxyType(ordered))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Estimate, (self.name, dict(self.columns), self.notes, dict(self.adapted)))
+        kept = (self.name, dict(self.columns), self.notes, dict(self.adapted), self.doubts)
+        return (Estimate, kept)
 
     def __len__(self) -> int:
         return len(self.columns["time"])
@@ -147,9 +150,9 @@ class Estimate:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A sentence on each kind of rows outside of what the model was made for."""
+        """What is wrong with the model, and each kind of rows outside of what it was made for."""
         beyond = (Status.EXTRAPOLATED, Status.SATURATED, Status.OUT_OF_RANGE)
-        return tuple(f"{self.name}: {said}" for said in _flagged(self, beyond))
+        return (*self.doubts, *(f"{self.name}: {said}" for said in _flagged(self, beyond)))
 
     @property
     def contacts(self) -> tuple[tuple[float, float], ...]:
@@ -231,11 +234,12 @@ MEANING = {
     Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
     Status.NO_TEMPERATURE: "no temperature",
     Status.NO_SENSOR: "no external torque from the sensor",
-    Status.NO_OBSERVER: "no torque from the observer",
+    Status.NO_OBSERVER: "no torque from the observer: an input is missing, or it starts",
     Status.NO_COMPLIANCE: "no torque from the compliance",
     Status.NO_MERGED: "no merged torque",
     Status.NO_CONTACT: "contact is not decided",
-    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
+    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link: an input is missing, "
+    "or it starts",
     Status.NO_VELOCITY: "no velocity from the angle: it is missing, or its filter starts",
     Status.SENSOR_FAULT: "the sensor's voltage or torque is out of its range and was taken out",
     Status.MOTOR_FAULT: "the motor's torque is out of its range and was taken out",
@@ -284,7 +288,7 @@ def _sentences(made: Estimate) -> list[str]:
     said = []
     if "contact" in made:
         said.append(_contacts(made))
-    return [*said, *_flagged(made, MEANING), *made.notes]
+    return [*said, *_flagged(made, MEANING), *made.doubts, *made.notes]
 
 
 def _flagged(made: Estimate, bits: Iterable[Status]) -> Iterator[str]:
@@ -487,7 +491,9 @@ def estimate(
     The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
     calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
     collision, each where the model holds it. A value is NaN where its stage had nothing to work
-    with, and `status` says so; filters, observer, lags and detector start again behind a gap.
+    with, and `status` says so; filters, observer, lags and detector start again behind a gap, a
+    step of more than 2.5 median ones. An observer says nothing until it has forgotten its start:
+    for 5 / K behind the first row, and behind any time as long without what it reads.
     Nothing that looks ahead is used: a velocity that the log lacks is the causal derivative of its
     position, and a note says so.
 
@@ -570,7 +576,8 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     log = measurable(with_motor_torque(log), said, plan.preprocessing.get("reading_checks", {}))
     columns = _columns(model, plan, log, run_joint(model, plan, log, said))
     _require_something(columns, plan, log, tuple(said))
-    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
+    doubts = carried_warnings(model) if "compliance" in plan.estimating else []
+    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan), tuple(doubts))
 
 
 def _require_increasing(log: Log) -> None:
@@ -743,7 +750,6 @@ def _say_of_torsion(model: Model, plan: Plan, log: Log, said: Said) -> None:
             said[f"the compliance reads {name}, which log '{log.name}' lacks"] = None
     _say_of_part(model, plan.torsion, log, said)
     _say_of_part(model, plan.carried, log, said)
-    said |= dict.fromkeys(carried_warnings(model))
 
 
 def _say_of_momentum(inertia: float, log: Log, whose: str, said: Said) -> None:

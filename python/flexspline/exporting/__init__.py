@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
+from flexspline.estimation.plan import carried_warnings
 from flexspline.exporting.block import block_bytes, require_scalar
 from flexspline.exporting.coupling import Coupling, coupling_of
 from flexspline.exporting.cpp_text import namespace_name
@@ -257,7 +258,8 @@ def export(
     Warns
     -----
     FlexsplineWarning
-        Of signs that no drive has, of terms that are not significant and of parameters at a bound.
+        Of signs that no drive has, of terms that are not significant, of parameters at a bound, and
+        of a gravity that a compliance reads and no fit determined.
 
     Notes
     -----
@@ -374,7 +376,8 @@ def _require_motors(format: str, dcmotor: bool | None) -> None:
 def export_warnings(model: Model, target: str | None) -> list[str]:
     """Return what `export` warns of: of one part, or of all where a model is exported whole."""
     parts = [model.part(target)] if target is not None else model.parts.values()
-    return [sentence for part in parts for sentence in part_warnings(part)]
+    said = [sentence for part in parts for sentence in part_warnings(part)]
+    return [*said, *(carried_warnings(model) if "compliance" in model.estimators else [])]
 
 
 def namespace_of(path: str | os.PathLike[str]) -> str:

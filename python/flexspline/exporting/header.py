@@ -40,6 +40,7 @@ from flexspline.exporting.cpp_text import (
 from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
+from flexspline.logs.segments import GAP_STEPS
 from flexspline.model import MARGIN, Model, Part, load_words, widened
 from flexspline.own import OwnEffect
 from flexspline.own.effect import Header
@@ -96,6 +97,10 @@ COUNTED = {
     "period": ("s", "since the last sample whose status was ok; any at the first"),
     "time": ("s", "since the run began, as in the logs"),
 }
+
+A_GAP = f"a gap: a period of more than {GAP_STEPS:g} usual ones, as for `flexspline estimate`"
+OBSERVERS = ("observer", "compliant_observer")
+FORGOTTEN = 5.0  # K t from a start on for which an observer is silent: `Chain::forgotten`
 
 READINGS = {name: _words(name) for name in (*_core.instruments, *_core.numbers) if name != "period"}
 ANGLES = {"output_position": "q", "motor_position": "theta"}
@@ -226,6 +231,7 @@ def _call(part: Part, namespace: str) -> Iterator[str]:
     yield f"    float {result} = 0;"
     if remembers:
         yield f"    {namespace}::Model<float>::State state;  // lives on too; {{}} after a gap"
+        yield f"    // {A_GAP}"
     yield ""
     for line in (line for name in channels_read(part) for line in USE.get(name, ())):
         yield f"    {line}"
@@ -389,6 +395,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
     yield ""
     behind = "restart(state)" if "adaptation" in plan.estimating else "{}"
     yield f"    {namespace}::Joint<float>::State state;  // lives on; {behind} after a gap"
+    yield f"    // {A_GAP}"
+    yield from _starts(plan)
     yield f"    {namespace}::Joint<float>::Chain::Output out;  // lives on: last good values"
     yield ""
     yield "    flexspline::Reading<float> in;  // what is not read stays as it is: missing"
@@ -410,6 +418,15 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
     yield "    // has(out.flags, flexspline::Flag::out_of_range): a reading is beyond its limit"
     yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
+
+
+def _starts(plan: Plan) -> Iterator[str]:
+    """For how long observers say nothing behind a start."""
+    for key in OBSERVERS:
+        if key in plan.estimating:
+            start = 1e3 * FORGOTTEN / plan.estimating[key]["gain"]
+            yield f"    // {key}: missed for {FORGOTTEN:g} / K = {start:.4g} ms behind a start; it"
+            yield "    //     starts again by itself where it has no good reading for longer"
 
 
 def chain_lines(model: Model, plan: Plan) -> Iterator[str]:

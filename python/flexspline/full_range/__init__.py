@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.estimation.plan import carried_warnings
-from flexspline.estimators import Merge
+from flexspline.estimators import Adaptation, Collision, Estimator, Merge
 from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import AT_REST
 from flexspline.full_range.methods import (
@@ -66,6 +66,7 @@ from flexspline.full_range.torsion_part import (
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs
+from flexspline.logs.segments import at_rest as rows_at_rest
 from flexspline.model import Model
 from flexspline.part import Part
 
@@ -144,13 +145,21 @@ def train(
         that 99 % of the rows stay below, 0.01 rad/s at least.
     rotor_inertia : J_m, kg·m² at the motor, of the methods "co", "mco", "o2"; 0 where not known:
         the link then has all inertia, and there is no "o2".
-    weight_at_rest : largest λ(0) allowed; None leaves the observer as much at standstill as the
-        RMSE asks for, with a warning above 0.05.
+    weight_at_rest : largest mean λ allowed over the training rows that certainly stand still, whose
+        measured velocity is noise, and largest λ(0); None leaves the observer as much at standstill
+        as the RMSE asks for, with a warning above 0.05.
     methods : which of "sd", "gp", "kalman" to train.
     gp_rows : samples that enter the Gaussian process, 20 to 25000.
     seed : of blocks drawn and of the Gaussian process.
     at_rest : what the model's merge takes at rest: "compliance" ("m"), or "compliant_observer",
         which puts "co" into the model ("mco").
+
+    Returns
+    -------
+    FullRange
+        Its model has observer, compliance and merge as trained, and every other estimator of
+        `model`, such as the sensor's calibration; what was tuned to the torques that training
+        replaces (a detector, an adaptation) is left out, and a warning says so.
 
     Raises
     ------
@@ -195,6 +204,7 @@ def train(
         warnings=(
             *warnings_of(transitions, signals, task.truth(), reference),
             *carried_warnings(variants[kept]),
+            *_left_out(model),
             *faults,
         ),
     )
@@ -236,6 +246,7 @@ class _Task:
             compliance,
             self.blocks(),
             weight_at_rest=self.weight_at_rest,
+            at_rest=np.concatenate([rows_at_rest(run) for run in self.runs]),
             seed=self.seed,
         )
 
@@ -270,7 +281,28 @@ def _finished(
     merge = Merge(chosen.alpha, chosen.transition_velocity, record=record, at_rest=at_rest)
     made = with_estimators(model, settings)
     link = at_rest != "compliance"
-    return (made.with_estimator(link_observer(settings)) if link else made).with_estimator(merge)
+    made = (made.with_estimator(link_observer(settings)) if link else made).with_estimator(merge)
+    for key, stage in model.estimators.items():
+        if key not in made.estimators and not _tuned_to_others(stage, model):
+            made = made.with_estimator(stage)
+    return made
+
+
+def _tuned_to_others(stage: Estimator, model: Model) -> bool:
+    """Whether a stage is tuned to torques or to a part that a trained observer does not go by."""
+    if isinstance(stage, Adaptation):
+        return getattr(model.estimators["observer"], "input", "") != "motor_torque"
+    return isinstance(stage, Collision) and stage.input != "sensor"
+
+
+def _left_out(model: Model) -> list[str]:
+    """A sentence for each estimator of a model that the trained one lacks."""
+    return [
+        f"the estimator {key} of the model is left out: it was tuned to an observer or a merge "
+        "that training replaces; tune it again to the trained model"
+        for key, stage in model.estimators.items()
+        if _tuned_to_others(stage, model)
+    ]
 
 
 def _scored(made: FullRange, task: _Task, signals: Mapping[str, Sequence[Signals]]) -> FullRange:

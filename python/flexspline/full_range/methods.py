@@ -125,6 +125,8 @@ class Transition:
     alpha_interval, velocity_interval : 95 % of the optima of blocks drawn again.
     rmse : on the training rows, Nm.
     rmse_observer, rmse_compliance : of either alone.
+    mean_at_rest : mean λ of the training rows that stand still, whose measured velocity is noise;
+        NaN where none certainly do.
     """
 
     alpha: float
@@ -134,6 +136,7 @@ class Transition:
     rmse: float
     rmse_observer: float
     rmse_compliance: float
+    mean_at_rest: float = float("nan")
 
     @property
     def weight_at_rest(self) -> float:
@@ -143,10 +146,14 @@ class Transition:
     @property
     def warning(self) -> str | None:
         """A sentence where the observer is not shut out at standstill."""
-        if not self.weight_at_rest > SHUT_OUT:
+        share = float(np.fmax(self.weight_at_rest, self.mean_at_rest))
+        if not share > SHUT_OUT:
             return None
+        noisy = self.mean_at_rest > SHUT_OUT >= self.weight_at_rest
+        what = "with the noise of the velocity, λ at rest" if noisy else "λ(0)"
+        share = share if noisy else self.weight_at_rest
         return (
-            f"λ(0) = {self.weight_at_rest:.3f}: at standstill {100 * self.weight_at_rest:.0f} % of "
+            f"{what} = {share:.3f}: at standstill {100 * share:.0f} % of "
             "the merged torque is the observer's, which is blind there; "
             f"weight_at_rest={SHUT_OUT:g} shuts it out"
         )
@@ -166,6 +173,7 @@ def choose_transition(
     block: NDArray[np.intp],
     *,
     weight_at_rest: float | None = None,
+    at_rest: NDArray[np.bool_] | None = None,
     seed: int = 0,
 ) -> Transition:
     """Return the α and q̇_trans with the least RMSE.
@@ -175,7 +183,9 @@ def choose_transition(
     velocity : (N,), rad/s at the output.
     observer_error, compliance_error : (N,), Nm.
     block : (N,), number of the block of time of each row, from 0.
-    weight_at_rest : largest λ(0) allowed, above 0 and below 1; None for any.
+    weight_at_rest : largest mean λ allowed of the rows at rest, and so largest λ(0), above 0 and
+        below 1; None for any.
+    at_rest : (N,), rows that certainly stand still; None for none.
     seed : of the blocks drawn.
 
     Raises
@@ -187,7 +197,8 @@ def choose_transition(
         raise InputError(f"weight_at_rest = {weight_at_rest:g} is no share; give 0 < λ(0) < 1")
     speed = np.abs(velocity)
     sums, middles = _sums(speed, observer_error, compliance_error, block)
-    grid = _Grid.over(speed, middles, weight_at_rest)
+    still = speed[at_rest] if at_rest is not None else speed[:0]
+    grid = _Grid.over(speed, middles, _Rest.of(still, weight_at_rest))
     total = sums.sum(axis=0)
     alpha, transition_velocity = grid.refined(total)
     rng = np.random.default_rng(seed)
@@ -203,7 +214,33 @@ def choose_transition(
         float(np.sqrt(_squares(total, weight) / rows)),
         float(np.sqrt(total[:, 0].sum() / rows)),
         float(np.sqrt(total[:, 2].sum() / rows)),
+        float(merge_weight(still, alpha, transition_velocity).mean()) if still.size else np.nan,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What bounds the weight at standstill: mean λ of these `speeds`, (M,), at `most`."""
+
+    speeds: Array
+    most: float
+
+    @classmethod
+    def of(cls, still: Array, most: float | None) -> _Rest:
+        """Of speeds measured at standstill, and of zero where there are none or all is allowed.
+
+        Quantiles stand for many rows, each for the fastest of its share.
+        """
+        if most is None:
+            return cls(np.zeros(1), 1.0)
+        shares = np.linspace(0.0, 1.0, BANDS + 1)[1:]
+        speeds = np.quantile(still, shares) if len(still) > BANDS else still
+        return cls(speeds if len(speeds) else np.zeros(1), most)
+
+    def allows(self, alpha: float, transition_velocity: float) -> bool:
+        """Whether the bound holds; λ rises with speed, so that it holds for λ(0) too."""
+        weight = merge_weight(self.speeds, alpha, transition_velocity).mean()
+        return bool(weight <= self.most)
 
 
 def _sums(
@@ -232,16 +269,16 @@ def _squares(sums: Array, weight: Array) -> Any:
 class _Grid:
     """Values of α and q̇_trans that are tried, (G, 2), with their weights in the bands (G, B).
 
-    `speed`: the bands' speeds; `least`: α q̇_trans that λ(0) asks for.
+    `speed`: the bands' speeds; `rest`: what the nodes keep to at standstill.
     """
 
     nodes: Array
     weights: Array
     speed: Array
-    least: float
+    rest: _Rest
 
     @classmethod
-    def over(cls, speed: Array, middles: Array, weight_at_rest: float | None) -> _Grid:
+    def over(cls, speed: Array, middles: Array, rest: _Rest) -> _Grid:
         """Return a grid with a node in every part of the speeds that occur, however slow."""
         fastest = float(speed.max()) or 1.0
         fast = np.unique(
@@ -249,18 +286,18 @@ class _Grid:
                 [
                     np.linspace(0.0, fastest, GRID),
                     np.quantile(speed, np.linspace(0.02, 0.98, GRID)),
+                    np.linspace(1.0, 3.0, 9) * rest.speeds.max(),  # just beyond standstill
                 ]
             )
         )
         steep = np.geomspace(1.0 / fastest, max(STEEPEST, 2.0 / fastest), GRID)
-        least = -np.inf if weight_at_rest is None else float(np.log(1.0 / weight_at_rest - 1.0))
-        return cls._of(steep, fast, middles, least)
+        return cls._of(steep, fast, middles, rest)
 
     @classmethod
-    def _of(cls, steep: Array, fast: Array, middles: Array, least: float) -> _Grid:
+    def _of(cls, steep: Array, fast: Array, middles: Array, rest: _Rest) -> _Grid:
         nodes = np.stack(np.meshgrid(steep, fast, indexing="ij"), axis=-1).reshape(-1, 2)
-        nodes = nodes[nodes[:, 0] * nodes[:, 1] >= least]
-        return cls(nodes, np.array([merge_weight(middles, *n) for n in nodes]), middles, least)
+        nodes = nodes[[rest.allows(*node) for node in nodes]]
+        return cls(nodes, np.array([merge_weight(middles, *n) for n in nodes]), middles, rest)
 
     def best(self, sums: Array) -> tuple[float, float]:
         """Return the node with the least sum of squares."""
@@ -275,7 +312,8 @@ class _Grid:
             first, last = np.searchsorted(known, [found[:, column].min(), found[:, column].max()])
             ends = known[max(first - 1, 0)], known[min(last + 1, len(known) - 1)]
             axes.append(np.geomspace(*ends, GRID) if column == 0 else np.linspace(*ends, GRID))
-        return _Grid._of(axes[0], axes[1], self.speed, self.least)
+        finer = _Grid._of(axes[0], axes[1], self.speed, self.rest)
+        return finer if len(finer.nodes) else self
 
     def drawn(self, sums: Array, picks: NDArray[np.intp]) -> Array:
         """Return the best node of each draw (D, 2): of the sums (K, B, 3) of the blocks (D, K)."""
@@ -293,7 +331,7 @@ class _Grid:
             step = np.diff(known).max() if step is None else step / 3.0
             fast = np.unique(np.maximum(velocity + step * np.linspace(-1, 1, 7), 0.0))
             steep = np.minimum(alpha * wide ** np.linspace(-1, 1, 7), self.nodes[:, 0].max())
-            fine = _Grid._of(np.unique(steep), fast, self.speed, self.least)
+            fine = _Grid._of(np.unique(steep), fast, self.speed, self.rest)
             candidates = [(alpha, velocity), *([fine.best(sums)] if len(fine.nodes) else [])]
             costs = [float(_squares(sums, merge_weight(self.speed, *n))) for n in candidates]
             alpha, velocity = candidates[int(np.argmin(costs))]

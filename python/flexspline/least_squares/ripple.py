@@ -8,11 +8,15 @@ Errors by the delta method from the covariance C of (a, b):
 
 An order is significant where (a, b) C⁻¹ (a, b)ᵀ exceeds the 95 % point of χ² with two degrees of
 freedom.
+
+Over part of a turn a residual does not show which low order of the output made it: those are chosen
+beside the model's other effects (`joint_orders.py`). Order 1 of the output is gravity where that is
+in the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,13 +27,18 @@ from scipy.stats import chi2
 from flexspline import _core
 from flexspline.effects import UNITS, Effect, Harmonic
 from flexspline.effects.causes import (
+    GRAVITY,
     KINEMATIC_ERROR,
     MODULATED_RIPPLE,
     MOTOR_RIPPLES,
     OUTPUT_RIPPLE,
 )
+from flexspline.errors import listed
+from flexspline.formatting import short
 from flexspline.least_squares.estimate import Given, counts_of, estimate, residuals_of
+from flexspline.least_squares.joint_orders import best_orders
 from flexspline.least_squares.problem import Problem
+from flexspline.logs import Log
 from flexspline.orders import OrderAnalysis, find_orders
 from flexspline.orders.parts import pairs
 
@@ -39,6 +48,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PAIRS",
     "RippleOrder",
+    "part_of_a_turn",
     "per_output_turn",
     "ripple_orders",
     "with_found_orders",
@@ -53,8 +63,11 @@ CORE_PAIRS = {
     "wave_generator_circular_spline": "wave_generator_on_circular_spline",
 }
 
+LOWEST = 8  # orders of the output that are tried over part of a turn, whatever a residual shows
+
 Array = NDArray[np.float64]
 
+TURN = 2.0 * np.pi
 CHI_SQUARED_95 = 5.991  # two degrees of freedom
 
 PAIRS = {
@@ -72,6 +85,7 @@ def with_found_orders(
 
     Without an open ripple effect nothing is sought. What the analysis finds is fitted beside
     everything else, and an order that its error does not tell from zero there is dropped again.
+    Over part of a turn low orders of the output are chosen there, and the sentences say that.
     An effect that is left with no order is taken out of the model, and the sentences say so; they
     also name orders whose owner is not among the effects. What a resonance makes of ripple has the
     orders of that ripple, given or found.
@@ -82,21 +96,27 @@ def with_found_orders(
     given = {h for e in effects if e.name in MOTOR_RIPPLES for h in e.harmonics}
     if given and [e.name for e in open_ones] == [MODULATED_RIPPLE]:
         return [e.with_orders(given) if e in open_ones else e for e in effects], None, []
-    found = _analysed([e for e in effects if e not in open_ones], problem_of)
-    filled = {e.name: _with_orders(e, found, given) for e in open_ones}
+    base = [e for e in effects if e not in open_ones]
+    problem = problem_of(base)
+    found = _analysed(base, problem)
+    least = 2 if any(e.name == GRAVITY for e in effects) else 1
+    filled = {e.name: _with_orders(e, found, given, least) for e in open_ones}
+    named = {name: e for name, e in filled.items() if name == OUTPUT_RIPPLE and e.harmonics}
+    look_alike = part_of_a_turn([run.log for run in problem.runs], named)
+    if look_alike:
+        filled |= {OUTPUT_RIPPLE: _jointly(effects, filled, found, least, problem_of)}
     filled = _significant([filled.get(e.name, e) for e in effects], filled, problem_of)
     sentences = [_empty(found, name) for name, e in filled.items() if not e.harmonics]
     sentences += _unowned(found, {e.name for e in effects})
     sentences += _only_by_fit(found, filled)
+    if look_alike and filled[OUTPUT_RIPPLE].harmonics:
+        sentences.append(f"{look_alike}; values and errors are those beside these orders")
     kept = [filled.get(e.name, e) for e in effects]
     return [e for e in kept if e.harmonics or not e.ripple], found, sentences
 
 
-def _analysed(
-    base: list[Effect], problem_of: Callable[[Sequence[Effect]], Problem]
-) -> OrderAnalysis:
+def _analysed(base: list[Effect], problem: Problem) -> OrderAnalysis:
     """Orders in the residual of these effects."""
-    problem = problem_of(base)
     made = estimate(problem, base, Given({}, {}, {}, False), lambda: None)
     residuals = [
         np.where(counts_of(run), residual, np.nan)
@@ -104,6 +124,57 @@ def _analysed(
     ]
     found = find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target])
     return _of_the_gear(found) if problem.target == "torsion" else found
+
+
+def part_of_a_turn(logs: Sequence[Log], names: Iterable[str]) -> str:
+    """Return that orders of the output look alike where runs cover no whole turn of it, or "".
+
+    `names`: the effects that have such orders.
+    """
+    angles = [log["output_position"] for log in logs if "output_position" in log]
+    named = [*names]
+    if not named or not angles:
+        return ""
+    covered = (max(map(np.max, angles)) - min(map(np.min, angles))) / TURN
+    if covered >= 1.0:
+        return ""
+    return (
+        f"the runs cover {short(covered, 2)} of a turn of the output, over which orders of "
+        f"{listed(named)} look alike: others may be there in their place, as a whole turn would "
+        "tell"
+    )
+
+
+def _jointly(
+    effects: Sequence[Effect],
+    filled: Mapping[str, Effect],
+    found: OrderAnalysis,
+    least: int,
+    problem_of: Callable[[Sequence[Effect]], Problem],
+) -> Effect:
+    """The ripple of the output with the orders that explain most beside the other effects.
+
+    Tried are the lowest orders, and those within the resolution of one that a residual shows.
+    """
+    pair = CORE_PAIRS["output_housing"]
+    own = filled[OUTPUT_RIPPLE]
+    near = {
+        int(order) + away
+        for order, reach in [(f.order, int(f.resolution)) for f in found if f.effect == own.name]
+        for away in range(-reach, reach + 1)
+    }
+    tried = sorted({k for k in {*range(least, LOWEST + 1), *near} if k >= least})
+    pool = own.with_orders([(k, pair) for k in tried[: _core.max_harmonics]])
+    chosen = [pool if e.name == own.name else filled.get(e.name, e) for e in effects]
+    chosen = [e for e in chosen if e.harmonics or not e.ripple]
+    made = estimate(problem_of(chosen), chosen, Given({}, {}, {}, False), lambda: None)
+    column = {made.names[k]: i for i, k in enumerate(made.fitted)}
+    terms = [column[f"{pool.name}.{term.name}"] for term in pool.terms]
+    both = [*zip(terms[::2], terms[1::2], strict=True)]
+    orders = [order for order, _ in pool.harmonics]
+    return own.with_orders(
+        [(k, pair) for k in best_orders(made, both, orders, SURE, CHI_SQUARED_95)]
+    )
 
 
 def _of_the_gear(found: OrderAnalysis) -> OrderAnalysis:
@@ -137,8 +208,10 @@ def _significant(
     return kept
 
 
-def _with_orders(effect: Effect, found: OrderAnalysis, given: set[Harmonic]) -> Effect:
+def _with_orders(effect: Effect, found: OrderAnalysis, given: set[Harmonic], least: int) -> Effect:
     """The effect with the orders it owns, the largest where there are too many.
+
+    `least`: the lowest order of the output that is none of gravity's.
 
     Low orders of the output that the analysis is not certain of are tried too: the fit, which
     sees all runs and effects at once, decides.
@@ -153,6 +226,8 @@ def _with_orders(effect: Effect, found: OrderAnalysis, given: set[Harmonic]) -> 
         own = [*given, *(harmonic for harmonic in own if harmonic not in given)]
     if effect.name in (OUTPUT_RIPPLE, KINEMATIC_ERROR):
         own += [(f.order, CORE_PAIRS["output_housing"]) for f in found.faint]
+    if effect.name == OUTPUT_RIPPLE:
+        own = [(order, pair) for order, pair in own if order >= least]
     return effect.with_orders(own[: _core.max_harmonics])
 
 

@@ -17,6 +17,7 @@ from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.formatting import decimals_for, lowered, padded, percent, plus_minus, short
+from flexspline.least_squares.ripple import part_of_a_turn
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import (
     bandwidth_given,
@@ -59,7 +60,7 @@ PLAN = (
 )
 
 MOST_RIVALS = 3
-ANGLE, OF_OUTPUT = "output_position", "output_on_housing"
+OF_OUTPUT = "output_on_housing"
 LIKELY = 0.5  # confidence from which a name is more likely right than wrong
 CRITICAL = "Faults of the data, to be fixed first"
 LEFT_OUT = "Left out of the runs, before anything was searched"
@@ -441,17 +442,8 @@ def part_of_a_turn_sentence(made: Discovery) -> str:
         for effect in made.fit.part.effects
         if effect.name in found and any(pair == OF_OUTPUT for _, pair in effect.harmonics)
     ]
-    angles = [run.log[ANGLE] for run in made.fit.runs if ANGLE in run.log]
-    if not turning or not angles:
-        return ""
-    covered = (max(map(np.max, angles)) - min(map(np.min, angles))) / (2.0 * np.pi)
-    if covered >= 1.0:
-        return ""
-    return (
-        f"The runs cover {short(covered, 2)} of a turn of the output, over which orders of "
-        f"{listed(turning)} look alike: others may be there in their place, as a whole turn would "
-        "tell."
-    )
+    said = part_of_a_turn([run.log for run in made.fit.runs], turning)
+    return f"{said[0].upper()}{said[1:]}." if said else ""
 
 
 APART = 10.0  # per cent, by which two shares of one gap seem to contradict each other
