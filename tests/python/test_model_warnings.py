@@ -69,6 +69,8 @@ def test_a_sound_model_within_its_ranges_is_not_warned_of(tmp_path: Path) -> Non
         (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative friction"),
         (effect("inertia"), "inertia = -0.1 .* negative inertia"),
         (effect("coulomb_friction"), "coulomb_friction.level = -0.1 Nm is negative friction"),
+        (effect("stribeck_friction"), "stribeck_friction.level = -0.1 Nm is negative friction"),
+        (effect("load_dependent_friction"), "load_dependent_friction.factor = -0.1 is negative"),
     ],
 )
 def test_a_drive_that_gives_energy_is_named_and_a_sensor_is_not(made: Effect, says: str) -> None:
@@ -114,6 +116,8 @@ def test_a_fit_warns_of_negative_friction_that_is_significant(
     assert (
         any("negative friction, which no drive has; fit" in said for said in fit.warnings) is warned
     )
+    said = " ".join(str(fit).split())
+    assert ("negative, which no drive has: viscous_friction.viscosity;" in said) is warned
 
 
 def test_a_negative_value_within_its_error_is_said_to_be_that_and_no_matter_of_a_fit() -> None:
