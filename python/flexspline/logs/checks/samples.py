@@ -55,6 +55,9 @@ TURNING = 5.0
 """Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
 level (1 : √2 − 1), and twice that by chance of where the level lies."""
 
+LEVELS = 4
+"""Levels of which `quantum` finds no lattice."""
+
 COARSE_LEVELS = 30_000
 """A channel with more levels than this over its range is not called quantised."""
 
@@ -421,7 +424,8 @@ class Motion:
 def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     """Motion of a position channel; None where it has none worth the name.
 
-    Too little motion: less than 50 quanta or 20 times the noise, or fewer than 100 rows.
+    Too little motion: less than 50 quanta or 20 times the noise, or fewer than 100 rows. So few
+    levels as show no quantum are a count or two of an encoder at rest.
     """
     if channel not in log:
         return None
@@ -429,7 +433,8 @@ def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     time, position = log["time"][rows], unwrapped(log[channel])[rows]
     travel = float(np.ptp(position)) if len(position) else 0.0
     grain = max(50 * quantum(position), 20 * white_noise(position))
-    if len(rows) < 100 or travel <= max(grain, 1e-12):
+    still = travel <= max(grain, 1e-12) or len(np.unique(position)) <= LEVELS
+    if len(rows) < 100 or still:
         return None
     ranges = runs(time)
     ranges = ranges[ranges[:, 1] - ranges[:, 0] >= 10]
