@@ -79,6 +79,7 @@ VERSION = 1
 CORRECTING = 2
 """Version of a model with a part that corrects a foreign simulation: who does not know of that
 would take the correction for the whole."""
+HIDDEN = "not determined"  # state of a coefficient that runs tell beside others alone
 GEAR = ("gear_ratio", "output_spline")
 
 OF_JOINT = ("motor_torque", "sensor_torque")
@@ -763,17 +764,19 @@ def negative_terms(part: Part, *, significant: bool = False) -> list[NegativeTer
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
-    near = {p["name"] for p in part.record.get("parameters", ()) if not _significant(p)}
+    entries = part.record.get("parameters", ())
+    near = {p["name"] for p in entries if p["state"] == HIDDEN or not _significant(p)}
     found = []
     for effect, values in part.by_effect():
         unit, name = effect.terms[0].unit if effect.terms else "", effect.name
+        what = name.rpartition("_")[2]  # friction or inertia
         if effect.info.traits.one_signed and len(effect.terms) == 1:  # levels of a loop are several
             name, value = f"{name}.{effect.terms[0].name}", float(values[0])
         elif name == COULOMB_PER_DIRECTION:
-            name, value = f"the level of {name}", 0.5 * float(values[0] - values[1])
+            name, what = f"the level of {name}", "friction"
+            value = 0.5 * float(values[0] - values[1])
         else:
             continue
-        what = "inertia" if effect.info.traits.inertial else "friction"
         sure = name not in near
         if value < 0.0 and (sure or not significant):
             found.append(NegativeTerm(short_names(name), value, unit, what, sure))
@@ -808,7 +811,7 @@ def _weak_terms(part: Part) -> list[str]:
         entry["name"]
         for entry in part.record.get("parameters", ())
         if entry["kind"] == "coefficient"
-        and entry["state"] in ("fitted", "not determined")
+        and entry["state"] in ("fitted", HIDDEN)
         and entry["name"].split(".")[0] not in ripple
         and not entry["name"].startswith(own)
         and not _significant(entry)

@@ -127,12 +127,14 @@ def test_a_negative_value_within_its_error_is_said_to_be_that_and_no_matter_of_a
     assert sign_warnings(made, significant=True) == []
     (sure,) = sign_warnings(fitted(made, -0.1, 0.01), significant=True)
     assert "and not significant" not in sure
+    hidden = fitted(made, -0.1, 0.01, "not determined")  # its value is not printed either
+    assert sign_warnings(hidden, significant=True) == []
 
 
-def fitted(made: Part, value: float, error: float) -> Part:
+def fitted(made: Part, value: float, error: float, state: str = "fitted") -> Part:
     """The part, with what a fit records of its inertia."""
     entry = {"name": "inertia.inertia", "kind": "coefficient", "value": value,
-             "standard_error": error, "state": "fitted"}  # fmt: skip
+             "standard_error": error, "state": state}  # fmt: skip
     return replace(made, record={**made.record, "parameters": [entry]})
 
 

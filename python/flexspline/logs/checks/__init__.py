@@ -43,6 +43,7 @@ from flexspline.logs.checks.samples import (
     quantised,
     repeated_rows,
     time_order,
+    unsigned,
     wrapped,
 )
 from flexspline.logs.log import Log, emptied
@@ -73,6 +74,7 @@ CHECKS = (
     dropped_samples,
     repeated_rows,
     constant,
+    unsigned,
     clipped,
     wrapped,
     start_transient,

@@ -51,6 +51,15 @@ MEASURED = (
 )
 """Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
 
+DRIVES = ("motor_torque", "motor_current")
+"""Channels that are zero with reason while the drive is off."""
+
+UNSIGNED_BITS = (16, 32)
+"""Widths of whole numbers that recorders write in two's complement."""
+
+UNITS = (1.0, 1e-3, 1e-6)
+"""What one of these whole numbers is worth, beside the quantum of the channel."""
+
 TURNING = 5.0
 """Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
 level (1 : √2 − 1), and twice that by chance of where the level lies."""
@@ -247,18 +256,71 @@ def constant(log: Log) -> Iterator[Finding]:
             )
 
 
+def unsigned(log: Log) -> Iterator[Finding]:
+    """Channels with a sign whose whole numbers were read without it: −1 is 65535 of 16 bits.
+
+    All lie within a quarter of 2ᵇ of either end of its range, some at both, and jump between them.
+    """
+    for channel in log.channels:
+        known = np.flatnonzero(np.isfinite(log[channel]))
+        values = np.abs(log[channel][known])
+        if channel in ("time", *POSITIONS) or not _at_both_ends(values):
+            continue
+        steps = (quantum(values), *UNITS)
+        worth = ((b, s) for b in UNSIGNED_BITS for s in steps if _is_unsigned(values, s, b))
+        bits, step = next(worth, (0, 0.0))
+        if not bits:
+            continue
+        jumps = known[np.flatnonzero(np.abs(np.diff(values)) > 2.0 ** (bits - 1) * step) + 1]
+        yield Finding(
+            "unsigned_channel",
+            "error",
+            channel,
+            _span(jumps),
+            float(jumps.size),
+            "jumps",
+            f"{channel} jumps between nearly 0 and nearly {2**bits * step:.5g} "
+            f"{CHANNELS[channel].unit} in {_counted(jumps.size, 'place')}, first in row "
+            f"{jumps[0]}: its whole numbers of {bits} bits were read without their sign.",
+            f"Give its column bits = {bits} in the column map.",
+        )
+
+
+def _at_both_ends(values: Array) -> bool:
+    """Whether some lie near zero, some near the largest, and none in the third between."""
+    if len(values) < 2:
+        return False
+    most = float(values.max())
+    return float(values.min()) < most / 3 and not np.any(
+        (values > most / 3) & (values < most / 1.4)
+    )
+
+
+def _is_unsigned(values: Array, step: float, bits: int) -> bool:
+    """Whether these are multiples of `step` near both ends of 2ᵇ, and nowhere between."""
+    if step <= 0.0:
+        return False
+    turn = 2.0**bits
+    whole = np.round(values / step)
+    if whole.max() >= turn or np.max(np.abs(values - whole * step)) > 1e-3 * step:
+        return False
+    low, high = whole < 0.25 * turn, whole >= 0.75 * turn
+    return bool(low.any() and high.any() and np.all(low | high))
+
+
 def clipped(log: Log) -> Iterator[Finding]:
     """Values that pile up at the largest or smallest: far more often than at the levels beside.
 
-    Where the joint rests a coarse channel keeps its value with reason.
+    Where the joint rests a coarse channel keeps its value with reason, and where a drive is off.
     """
     resting = at_rest(log)
+    off = log["enabled"] < 0.5 if "enabled" in log else np.zeros(len(log), dtype=bool)
     for channel in MEASURED:
         if channel not in log or not np.isfinite(log[channel]).any():
             continue
-        values = log[channel]
+        values, idle = log[channel], resting | off if channel in DRIVES else resting
         for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
-            at = (values == limit) & ~resting
+            at = (values == limit) & ~idle
             count = int(np.count_nonzero(at))
             if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
                 continue
