@@ -8,6 +8,7 @@ logs eight stretches are looked at, 400 000 rows in all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,19 +16,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.derive import default_bandwidth
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
-from flexspline.logs.segments import at_rest, median_step, repeats, runs, true_ranges
+from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
 from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
 
 DROPPED = "dropped_samples"
+
+LEFT_OUT = re.compile(r"(drop_(?:invalid|duplicates|repeated|clipped)): .*?dropped: (\d+)(?:;|$)")
+"""What a log's history says of a repair that leaves out single rows (`logs/repairs.py`)."""
 
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
@@ -178,18 +183,34 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         return
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
+    names, count = _left_out(log)
+    asked = missing <= count
+    remedy = "The repair resample=Hz puts the log on even steps."
+    if asked:
+        remedy = f"The repair {listed(names)} left them out, as asked; nothing is to be done."
+    elif widest > GAP_STEPS * step:
+        remedy = (
+            f"A fit takes the rows on either side of a gap of more than {GAP_STEPS} steps apart "
+            "and needs no repair; the repair resample=Hz closes shorter ones."
+        )
     yield Finding(
         DROPPED,
-        "fault",
+        "note" if asked else "fault",
         "time",
         _span(long + 1),
         float(missing),
         "rows",
         f"about {_rows(missing)} missing in {_counted(long.size, 'place')}, first before row "
         f"{long[0] + 1}; the longest step is {widest:.4g} s where {step:.4g} s is usual.",
-        "A fit takes the rows on either side of a gap of more than 2.5 steps apart and needs no "
-        "repair; the repair resample=Hz closes shorter ones.",
+        remedy,
     )
+
+
+def _left_out(log: Log) -> tuple[list[str], int]:
+    """Repairs that left out single rows of a log, and how many rows they did."""
+    told = [LEFT_OUT.match(said) for said in log.history]
+    made = [(one[1], int(one[2])) for one in told if one is not None]
+    return [name for name, _ in made], sum(count for _, count in made)
 
 
 def repeated_rows(log: Log) -> Iterator[Finding]:
