@@ -35,6 +35,7 @@ from flexspline.calibration.runs import (
 )
 from flexspline.calibration.thermal import (
     contrast_names,
+    gain_test,
     require_own_zeros,
     run_zeros,
     zero_test,
@@ -314,6 +315,7 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         shape=solved.made.shape,
         zeros=run_zeros(runs, solved.made, solved.sensitivity),
         zero_test=zero_test(runs, solved.made),
+        gain_test=gain_test(runs, solved.made),
         warnings=(),
     )
     result = replace(result, warnings=(*strange, *warnings_of(result, runs, solved.made)))
