@@ -163,6 +163,11 @@ def test_a_load_cell_that_sees_another_load_judges_no_torque() -> None:
     assert not [f for f in check(log) if f.name in SLIPS]
 
 
+def test_without_a_gear_no_side_of_it_is_wrong() -> None:
+    log = beside_a_load_cell(motor_torque=RATIO).with_facts({"gear_ratio": 1.0}, note="direct")
+    assert not [f for f in check(log) if f.name in SLIPS]
+
+
 def test_a_fit_warns_of_a_load_of_the_wrong_sign() -> None:
     made = flexspline.fit(
         ["coulomb_friction", "viscous_friction", "inertia"],

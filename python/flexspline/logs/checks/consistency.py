@@ -676,7 +676,7 @@ def _beside_load(
             "load_scale",
             channel,
             abs(factor),
-            f"{channel} is {abs(factor):.3g} times what {LOAD} makes it: {slips[near[0]]}.",
+            f"{channel} is {abs(factor):.4g} times what {LOAD} makes it: {slips[near[0]]}.",
             f"scale={channel}:{1 / near[0]:.6g}, or scale={LOAD}:{near[0]:.6g} if that is wrong",
         )
 
@@ -695,7 +695,7 @@ def _slips(log: Log, channel: str) -> dict[float, str]:
         0.001: f"{LOAD} is in mNm, or it is in thousands of its unit",
     }
     ratio = log.effective_ratio
-    if ratio is not None:
+    if ratio is not None and ratio * (1 - NEAR) > 1 + NEAR:  # else one side looks like the other
         at = "output, not at the motor" if channel in DRIVE else "output times the gear ratio"
         slips[ratio] = f"it is the torque at the {at}, or {LOAD} is divided by the gear ratio"
         slips[1 / ratio] = f"it is divided by the gear ratio, or {LOAD} is multiplied by it"
