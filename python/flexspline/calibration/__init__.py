@@ -139,7 +139,8 @@ def calibrate(
     part of the bend goes into a drift that is fitted together with it; the paper's own way, load
     first and then the drift alone, keeps them apart: ``calibrate(load, degree=0)`` and
     ``calibrate(warm_up, reference=None, into=first.model)``. The sensitivity is taken not to
-    depend on temperature, as in (8).
+    depend on temperature, as in (8); where there is load at several, that is tested, and both that
+    and a bend are said.
 
     Zeros. With one zero for all runs, a zero that moved between them goes into the drift; this is
     tested for (`calibration/thermal.py`) and said. With `zero_per_run` errors of reading, and with
