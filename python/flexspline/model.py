@@ -12,7 +12,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,7 @@ VERSION = 1
 CORRECTING = 2
 """Version of a model with a part that corrects a foreign simulation: who does not know of that
 would take the correction for the whole."""
+HIDDEN = "not determined"  # state of a coefficient that runs tell beside others alone
 GEAR = ("gear_ratio", "output_spline")
 
 OF_JOINT = ("motor_torque", "sensor_torque")
@@ -735,29 +736,57 @@ def refuse_warnings(said: Sequence[str]) -> None:
 def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     """Return a sentence for each friction and inertia below zero, which no drive has.
 
+    `significant`: of those that `negative_terms` returns with it.
+    """
+    return [
+        f"{term.name} = {term.value:.3g}{_unit(term.unit, part)} is negative {term.what}, which no "
+        f"drive has{'' if term.significant else ', and not significant'}; fit it again with "
+        "bounds, or with runs that show it"
+        for term in negative_terms(part, significant=significant)
+    ]
+
+
+class NegativeTerm(NamedTuple):
+    """A friction or inertia below zero: short name, value, unit, which of the two it is."""
+
+    name: str
+    value: float
+    unit: str
+    what: str
+    significant: bool
+
+
+def negative_terms(part: Part, *, significant: bool = False) -> list[NegativeTerm]:
+    """Return each friction and inertia below zero, which no drive has.
+
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
     what corrects a foreign simulation may be too much in that. `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
-    checked = []
+    entries = part.record.get("parameters", ())
+    near = {p["name"] for p in entries if p["state"] == HIDDEN or not _significant(p)}
+    found = []
     for effect, values in part.by_effect():
-        traits = effect.info.traits
-        if traits.basic and traits.one_signed:
-            what = effect.name.rpartition("_")[2]  # friction or inertia
-            (term,) = effect.terms
-            checked.append((f"{effect.name}.{term.name}", values[0], term.unit, what))
-        if effect.name == COULOMB_PER_DIRECTION:
-            level = 0.5 * (values[0] - values[1])
-            checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
-    near = {p["name"] for p in part.record.get("parameters", ()) if not _significant(p)}
-    return [
-        f"{short_names(name)} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is "
-        f"negative {what}, which no drive has{', and not significant' * (name in near)}; fit it "
-        "again with bounds, or with runs that show it"
-        for name, value, unit, what in checked
-        if value < 0.0 and not (significant and name in near)
-    ]
+        unit, name = effect.terms[0].unit if effect.terms else "", effect.name
+        what = name.rpartition("_")[2]  # friction or inertia
+        if effect.info.traits.one_signed and len(effect.terms) == 1:  # levels of a loop are several
+            name, value = f"{name}.{effect.terms[0].name}", float(values[0])
+        elif name == COULOMB_PER_DIRECTION:
+            name, what = f"the level of {name}", "friction"
+            value = 0.5 * float(values[0] - values[1])
+        else:
+            continue
+        sure = name not in near
+        if value < 0.0 and (sure or not significant):
+            found.append(NegativeTerm(short_names(name), value, unit, what, sure))
+    return found
+
+
+def _unit(unit: str, part: Part) -> str:
+    """The unit of a term behind a space, nothing of a factor."""
+    own = unit_in(unit, part.target, part.known_load)
+    return "" if own == "1" else f" {own}"
 
 
 def own_of_runs(part: Part) -> list[Mapping[str, Any]]:
@@ -782,7 +811,7 @@ def _weak_terms(part: Part) -> list[str]:
         entry["name"]
         for entry in part.record.get("parameters", ())
         if entry["kind"] == "coefficient"
-        and entry["state"] in ("fitted", "not determined")
+        and entry["state"] in ("fitted", HIDDEN)
         and entry["name"].split(".")[0] not in ripple
         and not entry["name"].startswith(own)
         and not _significant(entry)

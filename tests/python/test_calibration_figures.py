@@ -198,3 +198,16 @@ def test_noise_is_said_to_show_no_more_than_all_errors_that_there_are() -> None:
         # the largest of so many normal deviates, or twice the usual range of ten, of the RMSE
         most = max(np.sqrt(2.0 * np.log(2.0 * 15 * 12)), 2.0 * 3.078) * made.rmse
         assert figure.noise is None or figure.noise * FULL_SCALE / 100.0 <= most
+
+
+@pytest.mark.parametrize(("size", "said"), [(0.0, False), (0.05, False), (1.4, True)])
+def test_a_line_that_does_not_hold_is_said_in_the_verdict(size: float, said: bool) -> None:
+    """Nm of a cubic on 70 Nm: none, 0.07 % and 2 % of the full scale."""
+    rig = Bench(bend=size, memory=0.0, ripple=0.0)
+    made = calibrate([bench.load_run(rig), bench.drift_run(rig)], full_scale=FULL_SCALE)
+    judged = " ".join(str(made).split("\n\n")[0].split())
+    assert ("a straight line is off by" in judged) is said
+    assert ("No problem was found" in judged) is not said
+    warned = [w for w in made.warnings if "the noise alone and not the bend" in w]
+    assert bool(warned) is said
+    assert all("times the noise of a reading" in w and "--degree 0" in w for w in warned)

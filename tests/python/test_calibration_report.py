@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import calibration_logs as bench
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from calibration_logs import QUIET
 from figure_layout import page_faults
@@ -130,3 +132,26 @@ def test_a_share_of_a_full_scale_that_is_too_small_is_no_power_of_ten() -> None:
     text = " ".join(str(calibrate(runs, full_scale=0.007)).split())
     assert re.search(r"\(\d{3,} % of 0\.007 Nm\)", text)
     assert not re.search(r"e\+\d+ %", text)
+
+
+def test_parameters_of_what_repeats_are_told_from_those_of_the_table() -> None:
+    made = whole()
+    count = made.uncertainty.noise.parameters - len(made.parameters)
+    assert count > 0
+    said = " ".join(str(made).split())
+    assert f"found beside {count} more of bend and hysteresis" in said
+
+
+def test_a_mean_that_the_fit_makes_zero_is_printed_as_zero() -> None:
+    (leg,) = drift_alone().thermal_legs
+    assert 0.0 < abs(leg.bias) < 1e-9 * leg.rmse
+    said = " ".join(str(drift_alone()).split())
+    assert re.search(r"RMSE, [0.]+ mV in the mean", said)
+
+
+def test_a_band_that_knows_nothing_does_not_hide_the_drift() -> None:
+    made = drift_alone()
+    blind = replace(made, uncertainty=replace(made.uncertainty, basis=1e6 * made.uncertainty.basis))
+    assert np.ptp(plots.voltage_drift(blind).get_ylim()) < 3 * np.ptp(
+        plots.voltage_drift(made).get_ylim()
+    )

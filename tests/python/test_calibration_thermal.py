@@ -254,3 +254,44 @@ def test_a_lag_that_is_not_there_is_not_told_apart_from_zero() -> None:
 def test_arguments_without_sense_are_refused(arguments: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says):
         calibrate(bench.drift_run(QUIET), **arguments)  # type: ignore[arg-type]
+
+
+def warm_loads(per_kelvin: float, seed: int, rig: Bench = QUIET) -> CalibrationResult:
+    """Load at 15, 25 and 40 °C and a drift without load; the gain changes by so much per kelvin."""
+    logs = [bench.drift_run(rig, seed=seed)]
+    for number, warmth in enumerate((15.0, 25.0, 40.0)):
+        log = bench.load_run(rig, seed=10 * seed + number, count=1, temperature=warmth)
+        more = per_kelvin * (log["temperature"] - 25.0) * log["reference_torque"]
+        voltage = log["sensor_voltage"] + more / bench.SENSITIVITY
+        logs.append(log.with_columns({"sensor_voltage": voltage}, note="a warmer bridge"))
+    return calibrate(logs, full_scale=FULL_SCALE)
+
+
+@pytest.mark.parametrize("rig", [QUIET, Bench()], ids=["line", "bend and hysteresis"])
+@pytest.mark.parametrize("per_kelvin", [1e-3, -3e-4])
+def test_a_gain_that_changes_with_temperature_is_named_with_its_size(
+    per_kelvin: float, rig: Bench
+) -> None:
+    made = warm_loads(per_kelvin, 3, rig)
+    assert made.gain_test is not None and made.gain_test.changes
+    assert made.gain_test.per_kelvin == pytest.approx(per_kelvin, rel=0.03)
+    assert "the gain changes with temperature" in " ".join(str(made).split("\n\n")[0].split())
+    assert any("gain_temperature_dependence" in said for said in made.warnings)
+    assert made.uncertainty.reliable and not any("record longer" in w for w in made.warnings)
+
+
+def test_a_gain_that_stays_is_called_one_that_changes_once_in_a_hundred_calibrations() -> None:
+    """Of 20, more than two with a chance of 1 in 1000."""
+    tests = [warm_loads(0.0, seed, Bench()).gain_test for seed in range(20)]
+    assert sum(test is not None and test.changes for test in tests) <= 2
+    off = [test.per_kelvin / test.error for test in tests if test is not None]
+    assert len(off) == 20
+    assert np.mean(np.square(off)) < 1.0 + FOUR_SIGMA * np.sqrt(2 / 20)
+
+
+def test_load_at_one_temperature_does_not_show_a_gain_against_temperature() -> None:
+    made = calibrate([bench.load_run(QUIET), bench.drift_run(QUIET)], full_scale=FULL_SCALE)
+    assert made.gain_test is None
+    said = " ".join(str(made).split("\n\n")[0].split())
+    assert "do not show: thermal hysteresis, gain against temperature" in said
+    assert "gain against temperature" not in str(warm_loads(0.0, 3))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.logs import Log
-from flexspline.logs.checks import check
+from flexspline.logs.checks import check, must_be_repaired
 from flexspline.logs.checks.samples import STRETCH_ROWS, STRETCHES, unwrapped
 from flexspline.logs.repairs import REPAIRS, repaired
 
@@ -359,6 +359,26 @@ def test_the_repair_that_a_finding_names_drops_its_rows_and_no_others(case: str)
     assert 0 < lost <= last - first
     if finding.unit == "rows":
         assert lost == finding.size
+
+
+def test_rows_that_a_repair_left_out_as_asked_are_no_fault() -> None:
+    """Those that the recorder lost beside them are one."""
+    log = repaired(broken(stuck), "drop_repeated")
+    (note,) = check(log).named("dropped_samples")
+    assert note.severity == "note" and "nothing is to be done" in note.remedy
+    assert "drop_repeated" in note.remedy and "needs no repair" not in note.remedy
+    assert not must_be_repaired([(log, check(log))])
+    lost = log.rows(np.delete(np.arange(len(log)), slice(500, 504)))
+    (fault,) = check(lost).named("dropped_samples")
+    assert fault.severity == "fault" and fault.size == note.size + 4
+
+
+def test_missing_rows_alone_make_no_page_of_a_check_critical() -> None:
+    """Its verdict is that the run can be fitted."""
+    gap, sound = broken(without(slice(100, 103))), sound_log(SEED)
+    clipped = broken(clip)
+    told = [must_be_repaired([(log, check(log))]) for log in (sound, gap, clipped)]
+    assert told == [False, False, True]
 
 
 def test_the_other_spline_is_named_where_the_ratio_says_so() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import flexspline
 from flexspline.logs import Log
 from flexspline.logs.checks import check, check_runs
 from flexspline.logs.checks.consistency import (
@@ -23,6 +24,7 @@ from flexspline.logs.checks.consistency import (
     torque,
 )
 from flexspline.logs.checks.samples import Motion, motion_of
+from flexspline.logs.repairs import repaired
 
 Array = NDArray[np.float64]
 
@@ -123,6 +125,49 @@ def late_torque(noise: float, rows: int = 6000, late: float = 0.004) -> Log:
 def test_a_late_torque_is_told_where_its_delay_explains_something(late: float) -> None:
     (found,) = torque(late_torque(1e-3, late=late))
     assert found.name == "torque_delay" and found.size == pytest.approx(late, rel=0.2)
+
+
+def late_drive(late: float, presliding: float = 0.0) -> Log:
+    """A drive with friction, inertia and gravity, late by so many s; the slip of its friction."""
+    time = np.arange(20_000) / 500.0
+
+    def swing(at: Array, turn: int) -> Array:
+        waves = ((0.8, 0.6, 0.0), (0.3, 1.1, 1.0), (0.15, 2.3, 2.0))
+        return np.asarray(sum(a * w**turn * np.sin(w * at + p + turn * np.pi / 2)
+                              for a, w, p in waves))  # fmt: skip
+
+    at = time - late
+    slip = np.tanh(swing(at, 1) / 0.005)
+    if presliding:
+        angle, slip = swing(at, 0), np.zeros_like(time)
+        for k in range(1, len(time)):  # elastic until it slips
+            slip[k] = np.clip(slip[k - 1] + (angle[k] - angle[k - 1]) / presliding, -1.0, 1.0)
+    torque = 6.0 * slip + 5.0 * swing(at, 1) + 1.8 * swing(at, 2) + 9.0 * np.cos(swing(at, 0))
+    torque += 0.3 * np.random.default_rng(5).normal(size=len(time))
+    return Log.from_arrays(
+        time=time, output_position=swing(time, 0), motor_torque=torque / 100.0,
+        facts={"gear_ratio": 100.0, "output_spline": "flex", "name": "drive"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("late", "told"), [(0.0, False), (0.01, True), (0.02, True)])
+def test_a_drive_that_is_late_is_a_fault_that_a_fit_warns_of(late: float, told: bool) -> None:
+    log = late_drive(late)
+    faults = check(log).faults
+    assert [one.name for one in faults] == ["torque_delay"] * told
+    made = flexspline.fit(
+        ["coulomb_friction", "viscous_friction", "inertia", "gravity"], log, "motor_torque"
+    )
+    assert any("shift=motor_torque:" in said for said in made.warnings) is told
+    if told:
+        assert faults[0].size == pytest.approx(late, rel=0.05)
+        asked = faults[0].remedy.split()[-1].rstrip(".")
+        assert not check(repaired(log, asked)).named("torque_delay")
+
+
+@pytest.mark.parametrize("presliding", [0.003, 0.01, 0.03])  # rad
+def test_friction_that_gives_before_it_slips_is_no_fault_of_a_drive(presliding: float) -> None:
+    assert not check(late_drive(0.0, presliding)).faults
 
 
 def test_a_delay_that_explains_next_to_nothing_is_not_told_however_sure_it_is() -> None:

@@ -67,6 +67,19 @@ def test_a_coarse_encoder_does_not_hide_an_acceleration() -> None:
     assert not check(log, effects=["inertia"]).named("no_excitation")
 
 
+@pytest.mark.parametrize("counts", [1, 2, 3])
+def test_an_encoder_that_flickers_by_a_count_or_two_stands_still(counts: int) -> None:
+    rng = np.random.default_rng(counts)
+    columns = {
+        "output_position": 1.2 + 1e-4 * rng.integers(0, counts + 1, len(TIME)),
+        "output_velocity": 1e-4 * rng.integers(-5, 6, len(TIME)),
+    }
+    found = check(Log.from_arrays(time=TIME, motor_current=rng.normal(size=len(TIME)), **columns))
+    still = {one.effect: one.lack for one in found.excited if one.excited is False}
+    for name in ("coulomb_friction", "viscous_friction", "inertia"):
+        assert still[name] == "the joint stands still"
+
+
 @pytest.mark.parametrize("grain", [1e-6, 1e-5, 1e-4, 1e-3])
 def test_noise_that_is_part_of_an_acceleration_is_never_more_than_the_whole(grain: float) -> None:
     noise = 0.3 * grain * np.random.default_rng(1).standard_normal(len(TIME))

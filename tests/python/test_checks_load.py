@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -13,6 +14,7 @@ import flexspline
 from flexspline.logs import Log
 from flexspline.logs.checks import check, check_runs
 from flexspline.logs.checks.load import UNUSED, unused_load
+from flexspline.logs.repairs import repaired
 
 BASE = ["offset", "coulomb_friction", "viscous_friction"]
 
@@ -91,3 +93,86 @@ def test_runs_that_differ_in_their_load_cell_are_not_judged() -> None:
     logs = [run("reference_torque"), run(seed=2)]
     made = flexspline.fit(BASE, logs, target="sensor_torque")
     assert not any("known_load" in sentence for sentence in made.warnings)
+
+
+RATIO = 100.0
+SLIPS = ("load_sign", "load_scale")
+
+
+def beside_a_load_cell(part: float = 1.0, **factors: float) -> Log:
+    """A joint of ratio 100 under load, channels times these factors.
+
+    `part`: how much of the motor's and the sensor's load the cell reads, the rest follows another
+    frequency.
+    """
+    channels = motion(4, samples=8_000)
+    t, v, a = (channels[name] for name in ("time", "output_velocity", "output_acceleration"))
+    load, other = 9.0 * np.sin(0.9 * t), 9.0 * np.sin(2.3 * t)
+    carried = part * load + (1.0 - part) * other
+    noise = np.random.default_rng(4).standard_normal
+    drive = (carried + 1.5 * a + 4.0 * np.tanh(v / 0.01) + 2.0 * v) / RATIO
+    columns = {
+        "time": t,
+        "output_position": channels["output_position"],
+        "reference_torque": load + 0.03 * noise(len(t)),
+        "sensor_torque": carried + 0.8 * a + 0.05 * noise(len(t)),
+        "motor_torque": drive + 0.003 * noise(len(t)),
+    }
+    return Log(
+        {name: factors.get(name, 1.0) * values for name, values in columns.items()},
+        {"gear_ratio": RATIO, "name": "cell"},
+    )
+
+
+@pytest.mark.parametrize(
+    ("factors", "blamed"),
+    [
+        ({"reference_torque": -1.0}, [("load_sign", "reference_torque")]),
+        ({"sensor_torque": -1.0}, [("load_sign", "sensor_torque")]),
+        ({"motor_torque": -1.0}, []),  # told by its friction
+        ({"motor_torque": RATIO}, [("load_scale", "motor_torque")]),
+        ({"sensor_torque": 1 / RATIO}, [("load_scale", "sensor_torque")]),
+        ({"sensor_torque": 1e3}, [("load_scale", "sensor_torque")]),
+        (
+            {"reference_torque": -1e3},
+            [
+                ("load_scale", "motor_torque"),
+                ("load_scale", "sensor_torque"),
+                ("load_sign", "reference_torque"),
+            ],
+        ),
+        ({"sensor_torque": 1.2, "motor_torque": 0.9}, []),  # a gain, a torque constant
+        ({"sensor_torque": 3.0}, []),  # no slip makes that
+        ({}, []),
+    ],
+)
+def test_a_load_of_the_wrong_sign_or_unit_is_told_and_repaired_as_said(
+    factors: dict[str, float], blamed: list[tuple[str, str]]
+) -> None:
+    log = beside_a_load_cell(**factors)
+    found = [f for f in check(log).faults if f.name in SLIPS]
+    assert sorted((f.name, f.channel) for f in found) == blamed
+    for finding in found[:1] if len(found) == 1 else []:
+        (asked, *_) = re.findall(r"(?:flip_sign|scale)=[\w:.]*\w", finding.remedy)
+        assert not check(repaired(log, asked)).faults
+
+
+def test_a_load_cell_that_sees_another_load_judges_no_torque() -> None:
+    """Where the load explains but a part of what motion leaves, its factor is not the joint's."""
+    log = beside_a_load_cell(part=-0.4)
+    assert not [f for f in check(log) if f.name in SLIPS]
+
+
+def test_without_a_gear_no_side_of_it_is_wrong() -> None:
+    log = beside_a_load_cell(motor_torque=RATIO).with_facts({"gear_ratio": 1.0}, note="direct")
+    assert not [f for f in check(log) if f.name in SLIPS]
+
+
+def test_a_fit_warns_of_a_load_of_the_wrong_sign() -> None:
+    made = flexspline.fit(
+        ["coulomb_friction", "viscous_friction", "inertia"],
+        beside_a_load_cell(reference_torque=-1.0),
+        target="motor_torque",
+        known_load="reference_torque",
+    )
+    assert any("flip_sign=reference_torque" in said for said in made.warnings)

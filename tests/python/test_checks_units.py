@@ -99,3 +99,43 @@ def test_a_run_that_hardly_moves_says_nothing_of_its_ratio(
     amplitude: float, encoder: float, twist: float
 ) -> None:
     assert not of_scale(check(swing(amplitude, encoder, twist=twist)))
+
+
+@pytest.mark.parametrize(
+    ("bits", "unit"), [(16, 1.0), (16, 1e-3), (16, -1.0), (32, 1e-3), (16, 0.0134)]
+)
+@pytest.mark.parametrize("channel", ["motor_current", "output_velocity", "sensor_torque"])
+def test_whole_numbers_read_without_their_sign_are_an_error(
+    bits: int, unit: float, channel: str
+) -> None:
+    time = np.arange(4_000) / 500.0
+    count = np.round(800.0 * np.sin(2.0 * time) + 3.0 * np.sin(70.0 * time))
+    columns = {"time": time, "output_position": np.sin(time), channel: unit * (count % 2**bits)}
+    (finding,) = check(Log(columns)).named("unsigned_channel")
+    assert finding.severity == "error" and f"bits = {bits}" in finding.remedy
+    assert finding.size == np.count_nonzero(np.diff(count < 0))
+    columns[channel] = unit * count
+    assert not check(Log(columns)).named("unsigned_channel")
+
+
+def test_a_positive_current_and_an_encoder_that_wraps_are_not_read_without_a_sign() -> None:
+    time = np.arange(4_000) / 500.0
+    columns = {
+        "time": time,
+        "motor_position": np.round(3e4 * time) % 2**16 * 1e-3,
+        "motor_current": np.where(time % 2.0 < 1.0, 2.0, 60_000.5),
+        "sensor_voltage": 0.5 * (np.round(32_767.0 * np.sin(time)) + 32_768.0),
+        "supply_voltage": np.full_like(time, 24.0),
+    }
+    assert not check(Log(columns)).named("unsigned_channel")
+
+
+def test_a_drive_that_is_off_is_not_clipped_at_zero() -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(2_000) / 500.0
+    off = (time > 1.0) & (time < 2.0)
+    current = np.where(off, 0.0, 2.0 + np.abs(rng.normal(size=len(time))))
+    columns = {"time": time, "output_position": np.sin(3 * time), "motor_current": current}
+    assert check(Log(columns)).named("clipped_channel")
+    found = check(Log({**columns, "enabled": np.where(off, 0.0, 1.0)}))
+    assert not found.named("clipped_channel") and found.named("drive_disabled")

@@ -69,6 +69,11 @@ def test_help_and_docstring_of_export_tell_every_format() -> None:
         assert f'- "{name}": {form.says}' in doc
 
 
+def test_help_of_estimate_tells_of_what_the_sensors_torque_is_compensated() -> None:
+    said = " ".join(call("estimate", "--help").output.split())
+    assert "compensated for temperature; ripple, friction" in said and "still in it" in said
+
+
 def test_the_version_is_that_of_the_package() -> None:
     assert call("--version").stdout == f"flexspline {flexspline.__version__}\n"
 

@@ -10,7 +10,7 @@ import pytest
 from fit_logs import autoregressive
 
 import flexspline
-from flexspline.least_squares.ripple import _only_by_fit
+from flexspline.least_squares.ripple import _only_by_fit, ripple_orders
 from flexspline.logs import Log
 from flexspline.orders import OrderAnalysis, find_orders
 from flexspline.rigs import sensor_rig
@@ -151,3 +151,73 @@ def test_only_orders_of_the_output_that_the_analysis_doubts_are_said_to_be_the_f
     (said,) = _only_by_fit(found, filled)
     assert said.startswith("orders 2 per output turn are in the model")
     assert _only_by_fit(found, {"cogging": filled["cogging"]}) == []
+
+
+def swung(rows_late: int, seed: int, amplitude: float = 0.3) -> Log:
+    """A sensor, late by so many rows of 2 ms, beside a load cell; order 2 of the motor at 100."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 40.0, 0.002)
+    f, p, a = (
+        rng.uniform(0.03, 0.25, 4),
+        rng.uniform(0, 6.28, 4),
+        2.6 * np.array([1, 0.5, 0.3, 0.2]),
+    )
+    q = np.sin(2 * np.pi * f * t[:, None] + p) @ a
+    v = np.cos(2 * np.pi * f * t[:, None] + p) @ (2 * np.pi * f * a)
+    load = 8.0 * np.sin(0.7 * t + seed) + 4.0 * np.sin(1.9 * t)
+    read = load + 2.0 * np.cos(q) + amplitude * np.cos(200 * q) + rng.normal(0, 0.05, len(t))
+    read[rows_late:] = read[: len(t) - rows_late]
+    return Log.from_arrays(
+        time=t,
+        output_position=q,
+        output_velocity=v,
+        motor_position=100 * q + rng.normal(0, 3e-5, len(t)),
+        reference_torque=load + rng.normal(0, 0.03, len(t)),
+        sensor_torque=read,
+        facts={"name": f"swung {seed}", "gear_ratio": 100},
+    )
+
+
+def of_the_motor(rows_late: int, amplitude: float = 0.3) -> flexspline.Fit:
+    return flexspline.fit(
+        ["offset", "gravity", "wave_generator_ripple"],
+        [swung(rows_late, seed, amplitude) for seed in (1, 2)],
+        "sensor_torque",
+        known_load="reference_torque",
+        orders={"wave_generator_ripple": [2]},
+    )
+
+
+@pytest.mark.parametrize("rows_late", [0, 1, 2])
+def test_a_sensor_that_is_late_is_said_to_take_part_of_the_ripple(rows_late: int) -> None:
+    fit = of_the_motor(rows_late)
+    said = [w for w in fit.warnings if "later than reference_torque" in w]
+    (order,) = ripple_orders(fit)
+    kept = order.amplitude / 0.3
+    assert bool(said) is (rows_late > 0) is bool(kept < 0.95)
+    assert "No problem" in str(fit) or rows_late
+    for warning in said:
+        late = float(warning.split("shift=sensor_torque:")[1].split()[0])
+        assert late == pytest.approx(0.002 * rows_late, rel=0.4)
+        lost = float(warning.split("takes ")[1].split(" %")[0]) / 100
+        speed = np.concatenate([run.log["output_velocity"] for run in fit.runs])
+        assert 1 - kept == pytest.approx(1 - abs(np.mean(np.exp(200j * speed * 0.002 * rows_late))),
+                                         abs=0.03)  # fmt: skip
+        assert lost == pytest.approx(1 - kept, abs=0.3)  # of a delay known to a third
+
+
+def test_a_ripple_that_turns_slowly_is_not_said_to_be_lost_to_a_delay() -> None:
+    fit = flexspline.fit(
+        ["offset", "gravity", "output_ripple"],
+        [swung(3, seed, 0.0) for seed in (1, 2)],
+        "sensor_torque",
+        known_load="reference_torque",
+        orders={"output_ripple": [2]},
+    )
+    assert fit.delay is not None and -fit.delay.seconds > 3 * fit.delay.standard_error
+    assert not any("later than" in warning for warning in fit.warnings)
+
+
+def test_without_a_stated_spline_an_order_of_the_wave_generator_is_the_motors() -> None:
+    (order,) = ripple_orders(of_the_motor(0))
+    assert (order.turns, order.per_output_turn) == ("the motor", 200.0)

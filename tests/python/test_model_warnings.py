@@ -69,6 +69,8 @@ def test_a_sound_model_within_its_ranges_is_not_warned_of(tmp_path: Path) -> Non
         (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative friction"),
         (effect("inertia"), "inertia = -0.1 .* negative inertia"),
         (effect("coulomb_friction"), "coulomb_friction.level = -0.1 Nm is negative friction"),
+        (effect("stribeck_friction"), "stribeck_friction.level = -0.1 Nm is negative friction"),
+        (effect("load_dependent_friction"), "load_dependent_friction.factor = -0.1 is negative"),
     ],
 )
 def test_a_drive_that_gives_energy_is_named_and_a_sensor_is_not(made: Effect, says: str) -> None:
@@ -114,6 +116,8 @@ def test_a_fit_warns_of_negative_friction_that_is_significant(
     assert (
         any("negative friction, which no drive has; fit" in said for said in fit.warnings) is warned
     )
+    said = " ".join(str(fit).split())
+    assert ("negative, which no drive has: viscous_friction.viscosity;" in said) is warned
 
 
 def test_a_negative_value_within_its_error_is_said_to_be_that_and_no_matter_of_a_fit() -> None:
@@ -123,12 +127,14 @@ def test_a_negative_value_within_its_error_is_said_to_be_that_and_no_matter_of_a
     assert sign_warnings(made, significant=True) == []
     (sure,) = sign_warnings(fitted(made, -0.1, 0.01), significant=True)
     assert "and not significant" not in sure
+    hidden = fitted(made, -0.1, 0.01, "not determined")  # its value is not printed either
+    assert sign_warnings(hidden, significant=True) == []
 
 
-def fitted(made: Part, value: float, error: float) -> Part:
+def fitted(made: Part, value: float, error: float, state: str = "fitted") -> Part:
     """The part, with what a fit records of its inertia."""
     entry = {"name": "inertia.inertia", "kind": "coefficient", "value": value,
-             "standard_error": error, "state": "fitted"}  # fmt: skip
+             "standard_error": error, "state": state}  # fmt: skip
     return replace(made, record={**made.record, "parameters": [entry]})
 
 

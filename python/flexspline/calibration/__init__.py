@@ -35,6 +35,7 @@ from flexspline.calibration.runs import (
 )
 from flexspline.calibration.thermal import (
     contrast_names,
+    gain_test,
     require_own_zeros,
     run_zeros,
     zero_test,
@@ -138,7 +139,8 @@ def calibrate(
     part of the bend goes into a drift that is fitted together with it; the paper's own way, load
     first and then the drift alone, keeps them apart: ``calibrate(load, degree=0)`` and
     ``calibrate(warm_up, reference=None, into=first.model)``. The sensitivity is taken not to
-    depend on temperature, as in (8).
+    depend on temperature, as in (8); where there is load at several, that is tested, and both that
+    and a bend are said.
 
     Zeros. With one zero for all runs, a zero that moved between them goes into the drift; this is
     tested for (`calibration/thermal.py`) and said. With `zero_per_run` errors of reading, and with
@@ -314,6 +316,7 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         shape=solved.made.shape,
         zeros=run_zeros(runs, solved.made, solved.sensitivity),
         zero_test=zero_test(runs, solved.made),
+        gain_test=gain_test(runs, solved.made),
         warnings=(),
     )
     result = replace(result, warnings=(*strange, *warnings_of(result, runs, solved.made)))

@@ -19,7 +19,8 @@ Noise model. Nonlinearity and hysteresis repeat with every cycle: they are prope
 not noise. Left in the residual they would pass for very slow noise, and the errors of k and zero
 would be those of an experiment in which the sensor differs each time. So the noise is estimated
 beside a square, a cube, and elastic-plastic elements in series (Prandtl and Ishlinskii) of the
-reference; the coefficients themselves, and the size of their errors, are those of the straight
+reference, and beside a gain that changes with temperature, where there is load at several
+temperatures; the coefficients themselves, and the size of their errors, are those of the straight
 line. Reference and temperature enter denoised, as centres of plays that they pull along: a noise
 model that whitens strongly would otherwise explain noise by noise.
 
@@ -38,6 +39,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +79,7 @@ LONG = 1_000_000  # rows from which the noise model reads one chunk of several
 LEAST_LAG_STEPS = 2.0
 
 SLACK = 5.0  # standard deviations of white noise that a play does not follow
+LEAST_WARMTH = 2.0  # K: what gain_temperature_dependence demands of a run
 SLIPS = (1 / 24, 1 / 12, 1 / 6, 1 / 3)  # of the largest reference
 
 VALIDATION_GRID = 17
@@ -359,13 +362,48 @@ def _held(values: Array) -> Array:
     return play(values, slack) if slack > 0.0 else values
 
 
-def structure_columns(run: CalibrationRun, largest: float) -> Array:
-    """(N, 6), of order one; zeros where the run is without load."""
+def structure_columns(run: CalibrationRun, largest: float, warmth: Warmth | None) -> Array:
+    """(N, 6), of order one, and one more with `warmth`; zeros where the run is without load."""
+    count = 2 + len(SLIPS) + (warmth is not None)
     if not run.loaded:
-        return np.zeros((len(run), 2 + len(SLIPS)))
+        return np.zeros((len(run), count))
     share = run.torque / largest
-    bend = [share**2, share**3]
-    return np.column_stack(bend + [share - play(share, slip) for slip in SLIPS])
+    columns = [share**2, share**3, *(share - play(share, slip) for slip in SLIPS)]
+    if warmth is not None and run.temperature is not None:
+        columns.append(share * (run.temperature - warmth.middle) / warmth.span)
+    return np.column_stack(columns)
+
+
+class Warmth(NamedTuple):
+    """Temperatures at which there was load: largest less least, and the middle, °C."""
+
+    middle: float
+    span: float
+
+
+def warmth_under_load(runs: Sequence[CalibrationRun]) -> Warmth | None:
+    """Temperatures of rows with half of the largest load; None where they are but one.
+
+    Parameters
+    ----------
+    runs : quiet ones.
+    """
+    half = 0.5 * largest_of(runs)
+    columns = [
+        run.temperature[np.abs(run.torque) >= half]
+        for run in runs
+        if run.loaded and run.temperature is not None
+    ]
+    under = np.concatenate([np.empty(0), *columns])
+    if any(run.temperature is None for run in runs if run.loaded) or not len(under):
+        return None
+    low, high = float(under.min()), float(under.max())
+    return Warmth(0.5 * (low + high), high - low) if high - low >= LEAST_WARMTH else None
+
+
+def largest_of(runs: Sequence[CalibrationRun]) -> float:
+    """The largest load, Nm; 1 without any."""
+    return max(float(np.abs(run.torque).max()) for run in runs) or 1.0
 
 
 def beside_structure(
@@ -378,9 +416,9 @@ def beside_structure(
     runs : quiet ones.
     rows : (N, P) for each run; residuals: (N,), V.
     """
-    largest = max(float(np.abs(run.torque).max()) for run in runs) or 1.0
+    largest, warmth = largest_of(runs), warmth_under_load(runs)
     wide = [
-        np.asfortranarray(np.hstack([r, structure_columns(run, largest)]))
+        np.asfortranarray(np.hstack([r, structure_columns(run, largest, warmth)]))
         for run, r in zip(runs, rows, strict=True)
     ]
     blocks = [

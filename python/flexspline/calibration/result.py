@@ -29,6 +29,7 @@ from flexspline.calibration.regression import Regression, Shape, drift_columns
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
 from flexspline.calibration.thermal import (
     LEVEL,
+    GainTest,
     RunZero,
     Thermal,
     ThermalLeg,
@@ -41,6 +42,7 @@ from flexspline.calibration.thermal import (
 )
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
+from flexspline.formatting import plus_minus, short
 from flexspline.lazy import Rendered, render
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter, parameters_frame
@@ -52,7 +54,14 @@ from flexspline.model import Model
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["CalibratedRun", "CalibrationResult", "views_of", "warnings_of"]
+__all__ = [
+    "CalibratedRun",
+    "CalibrationResult",
+    "bend_of",
+    "percent_text",
+    "views_of",
+    "warnings_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -60,7 +69,8 @@ WHOLE_LEG = 0.5  # of the reference's span
 
 LAG_SHOWS = 2.0  # thermal hysteresis over what noise would show
 MOST_OF_IT = 0.8  # of the full scale
-DISAGREES = 0.002  # of the sensitivity
+DISAGREES = 0.002  # of the sensitivity, and of the full scale
+BENT = 3.0  # standard deviations of the noise of a reading that a straight line may be off
 
 
 @dataclass(frozen=True)
@@ -98,6 +108,7 @@ class CalibrationResult(Views, Rendered):
     shape : what was regressed on what.
     zeros : of each run, with `zero_per_run`, else none; the parameters hold their mean.
     zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
+    gain_test : whether the gain changes with temperature; None where load was at one temperature.
     warnings : sentences about the runs and the result.
     """
 
@@ -120,6 +131,7 @@ class CalibrationResult(Views, Rendered):
     shape: Shape
     zeros: tuple[RunZero, ...]
     zero_test: ZeroTest | None
+    gain_test: GainTest | None
     warnings: tuple[str, ...]
 
     @property
@@ -380,6 +392,8 @@ def warnings_of(
         *_disagrees(result),
         *_attenuation(result, runs, made),
         *_moved(result, runs),
+        *_gain(result),
+        *_bend(result, runs),
         *_lag(result, made),
         *_beyond(result),
         *([] if result.uncertainty.reliable else [result.uncertainty.statement]),
@@ -468,6 +482,59 @@ def _moved(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterato
         f"the zero differs between the runs by up to {size}, more than noise shows in one of "
         f"{round(1.0 / LEVEL)} calibrations, and {into} hold the difference: {ask} if the sensor "
         f"was mounted or zeroed again between runs{other}"
+    )
+
+
+def _gain(result: CalibrationResult) -> Iterator[str]:
+    """A gain that changes with temperature, with what it makes of the largest load."""
+    test = result.gain_test
+    if test is None or not test.changes:
+        return
+    largest = max(float(np.abs(run.reference).max()) for run in result.runs)
+    off = abs(test.per_kelvin) * 0.5 * (test.high - test.low) * largest
+    size = plus_minus(100.0 * test.per_kelvin, 100.0 * test.error)
+    yield (
+        f"the gain changes with temperature, by {size} %/K between {test.low:.3g} and "
+        f"{test.high:.3g} °C, which the calibration takes for constant: at {largest:.3g} Nm the "
+        f"reading is off by up to {off:.2g} Nm; calibrate at the temperature at which the joint "
+        "works, or fit gain_temperature_dependence to sensor_torque"
+    )
+
+
+def bend_of(result: CalibrationResult) -> tuple[Figure, float] | None:
+    """How far the line of the calibration is off, and how many times the noise of a reading.
+
+    None where that is within the noise of a reading, or within what two calibrations may differ.
+    """
+    calibration = result.calibration
+    figure = result.figure("non-linearity, least squares")
+    if calibration is None or figure.torque is None or figure.percent is None:
+        return None
+    noise = abs(calibration.sensitivity) * max(white_noise(run.voltage) for run in result.runs)
+    bent = figure.torque > BENT * noise and figure.percent > 100.0 * DISAGREES
+    return (figure, figure.torque / noise if noise > 0.0 else np.inf) if bent else None
+
+
+def percent_text(share: float) -> str:
+    """Return per cent to two digits, and in no power of ten."""
+    return short(share, 2) if share < 99.5 else f"{share:.0f}"
+
+
+def _bend(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator[str]:
+    """A characteristic that is no straight line."""
+    bend = bend_of(result)
+    if bend is None:
+        return
+    torque, percent, at = (value or 0.0 for value in (bend[0].torque, bend[0].percent, bend[0].at))
+    how = (
+        "; calibrate the runs with load alone (degree=0, --degree 0) and then the drift into that "
+        "model, so that none of the bend goes into the drift"
+    )
+    yield (
+        f"a straight line is off by up to {short(torque)} Nm, {percent_text(percent)} %FS and "
+        f"{short(bend[1])} times the noise of a reading, at {short(at)} Nm: the characteristic is "
+        "bent, and the errors of sensitivity, zero and drift hold the noise alone and not the bend"
+        f"{how if result.shape.degree > 0 and len(runs) > 1 else ''}"
     )
 
 

@@ -30,6 +30,9 @@ them, Wald's statistic is compared with F:
 
     F = (L a)ᵀ (L C Lᵀ)⁻¹ (L a) / q  ~  F(q, ν),     ν of `least_squares.uncertainty`
 
+The same way it is tested whether the gain changes with temperature, where there was load at several
+(`gain_test`): a column τ (T − T_m) beside all of these.
+
 Temperature enters as a moving mean over a fiftieth of its run, and as one number where it stands
 (`count_temperatures`): a drift that is estimated from the thermometer's noise comes out too small,
 and the rest of it would be a zero that moves.
@@ -50,8 +53,10 @@ from flexspline.calibration.regression import (
     Regression,
     beside_structure,
     chunks_of,
+    largest_of,
     quiet,
     rows_of,
+    warmth_under_load,
 )
 from flexspline.calibration.runs import CalibrationRun, contrasts
 from flexspline.errors import InputError
@@ -336,6 +341,53 @@ def zero_test(runs: Sequence[CalibrationRun], made: Regression) -> ZeroTest | No
     shifts = contrasts(len(runs)) @ combinations.T @ values
     return ZeroTest(
         _chance(values, combinations, known, own), len(combinations), float(np.ptp(shifts))
+    )
+
+
+@dataclass(frozen=True)
+class GainTest:
+    """Whether the gain changes with temperature.
+
+    `per_kelvin`: of the reading, relative, with its standard `error`. `p`: chance of such a change
+    where there is none. `low`, `high`: temperatures at which there was load, °C.
+    """
+
+    per_kelvin: float
+    error: float
+    p: float
+    low: float
+    high: float
+
+    @property
+    def changes(self) -> bool:
+        """Whether noise shows as much in less than one of a hundred calibrations."""
+        return self.p < LEVEL
+
+
+def gain_test(runs: Sequence[CalibrationRun], made: Regression) -> GainTest | None:
+    """Test whether the gain changes with temperature; None where load was at one temperature."""
+    still = [_still(run) for run in runs]
+    warmth = warmth_under_load(still)
+    if warmth is None or not made.shape.sensitivity:
+        return None
+    rows = [rows_of(run, made.shape) for run in still]
+    wide, left, beside = beside_structure(still, rows, made.residuals)
+    own = slice(len(beside.coefficients) - 1, len(beside.coefficients))
+    combinations = _testable(beside, own)
+    if not len(combinations):
+        return None
+    every = 1 + sum(len(run) for run in runs) // LONG
+    noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=every)
+    known = parameter_uncertainty(chunks_of(runs, wide, left), beside.basis, noise)
+    values = combinations @ beside.coefficients[own]
+    unit = float(made.coefficients[0]) * largest_of(still) * warmth.span
+    half = 0.5 * warmth.span
+    return GainTest(
+        float(beside.coefficients[own][0]) / unit,
+        float(known.standard_errors[own][0]) / abs(unit),
+        _chance(values, combinations, known, own),
+        warmth.middle - half,
+        warmth.middle + half,
     )
 
 

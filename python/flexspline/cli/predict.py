@@ -211,14 +211,15 @@ def estimate(
 ) -> None:
     """Run the model's estimators over runs, sample by sample, as the joint would.
 
-    FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
-    external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
-    model holds the estimator; status; and the coefficients that an adaptation learns, by their
-    names. One row for each row of the run, torques in Nm at the output, positive where the joint
-    pushes in the positive direction. A value is empty where its stage had nothing to work with;
-    status says which. Of several runs a folder receives a file for each, named after the run's;
-    where runs have a reference_torque a table says the error of each external torque beside it, by
-    run and pooled.
+    FILE.csv receives time, temperature, sensor_torque (calibrated and compensated for temperature;
+    ripple, friction and the link's own torques are still in it) and external_torque_sensor (the
+    same less all that the model's sensor part tells); external_torque_observer, _compliance,
+    _compliant_observer and _merged and contact where the model holds the estimator; status; and
+    the coefficients that an adaptation learns, by their names. One row for each row of the run,
+    torques in Nm at the output, positive where the joint pushes in the positive direction. A value
+    is empty where its stage had nothing to work with; status says which. Of several runs a folder
+    receives a file for each, named after the run's; where runs have a reference_torque a table
+    says the error of each external torque beside it, by run and pooled.
 
     --strict refuses rows outside of what the model was made for: status 1, 2 and 262144.
 

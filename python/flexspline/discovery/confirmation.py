@@ -51,7 +51,7 @@ from flexspline.effects import Effect
 from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, wald
-from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
+from flexspline.least_squares.ripple import RippleOrder, ripple_orders
 from flexspline.regression.candidate_model import CandidateModel, HeldOut, fall_of, rmse_of
 
 __all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "significance",
@@ -264,8 +264,8 @@ def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
     if not idle:
         return None
     least = min(idle, key=lambda order: order.amplitude)
-    effect, own = several[least.effect], (least.order, least.turns)
-    return made.with_orders(effect, [h for h in effect.harmonics if (h[0], PAIRS[h[1]]) != own])
+    effect, own = several[least.effect], (least.order, least.pair)
+    return made.with_orders(effect, [h for h in effect.harmonics if h != own])
 
 
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:

@@ -54,6 +54,7 @@ from flexspline.least_squares.per_run_terms import (
 )
 from flexspline.least_squares.problem import Problem, Run, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
+from flexspline.least_squares.ripple import late_ripple_warnings
 from flexspline.least_squares.shapes import Tangent, filtered
 from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
 from flexspline.least_squares.validation import cross_validate, scores_of
@@ -301,7 +302,8 @@ def assembled(
         late=late,
         between_runs=between,
     )
-    return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
+    said = (*sign_warnings(found), *loop_warnings(found), *late_ripple_warnings(found))
+    return replace(found, warnings=(*found.warnings, *said))
 
 
 def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay | None]:

@@ -12,6 +12,13 @@ freedom.
 Over part of a turn a residual does not show which low order of the output made it: those are chosen
 beside the model's other effects (`joint_orders.py`). Order 1 of the output is gravity where that is
 in the model.
+
+A target that is late by δ against the angle shows cos(kx − kẋδ) at speed ẋ: over the speeds of the
+runs, both ways, least squares keeps of the amplitude
+
+    |mean exp(i k ẋ δ)|
+
+and the rest is residual. δ is that of the target against the known load, where a fit tells it.
 """
 
 from __future__ import annotations
@@ -34,7 +41,7 @@ from flexspline.effects.causes import (
     OUTPUT_RIPPLE,
 )
 from flexspline.errors import listed
-from flexspline.formatting import short
+from flexspline.formatting import plus_minus, short
 from flexspline.least_squares.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.least_squares.joint_orders import best_orders
 from flexspline.least_squares.problem import Problem
@@ -44,10 +51,12 @@ from flexspline.orders.parts import pairs
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
+    from flexspline.logs import Log
 
 __all__ = [
     "PAIRS",
     "RippleOrder",
+    "late_ripple_warnings",
     "part_of_a_turn",
     "per_output_turn",
     "ripple_orders",
@@ -69,10 +78,14 @@ Array = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
 CHI_SQUARED_95 = 5.991  # two degrees of freedom
+TOLD = 3.0  # standard errors of a delay: 3 in 1000 by chance
+BEYOND = 2.0  # standard errors of an amplitude: a loss of more lies outside of its interval
+MOST_LOST = 0.5  # of an amplitude: what is left is no measure of it, significant or not
 
+MOTOR_PAIR = "motor_on_stator"
 PAIRS = {
     "output_on_housing": "the output",
-    "motor_on_stator": "the motor",
+    MOTOR_PAIR: "the motor",
     "wave_generator_on_flexspline": "the wave generator against flexspline",
     "wave_generator_on_circular_spline": "the wave generator against circular spline",
 }
@@ -276,7 +289,9 @@ class RippleOrder:
     Parameters
     ----------
     effect, order : name of the effect and periods per turn of the pair.
-    turns : what turns, in words.
+    pair : what turns, as effects name it.
+    turns : what turns, in words; of a gear whose output spline is not stated the motor, whose angle
+        either pair of the wave generator then has.
     per_output_turn : the order counted per turn of the output, NaN without the gear ratio.
     names : of the coefficients of cosine and sine.
     amplitude, amplitude_error : in `unit`; `naive_error` as if every sample were news.
@@ -286,6 +301,7 @@ class RippleOrder:
 
     effect: str
     order: int
+    pair: str
     turns: str
     per_output_turn: float
     names: tuple[str, str]
@@ -313,21 +329,59 @@ def ripple_orders(fit: Fit) -> list[RippleOrder]:
         ):
             if set(both) <= set(fitted) and not set(both) & hidden:
                 at = [fitted[name] for name in both]
-                turns = per_output_turn(order, pair, fit.model.facts)
-                known = (effect.name, order, PAIRS[pair], turns, both)
+                facts = fit.model.facts
+                turns = per_output_turn(order, pair, facts)
+                known = (effect.name, order, pair, PAIRS[_told(pair, facts)], turns, both)
                 both_ways = (fit.covariance[np.ix_(at, at)], naive[np.ix_(at, at)])
                 found.append(_order(fit, known, *both_ways))
     return found
 
 
+def late_ripple_warnings(fit: Fit) -> list[str]:
+    """Say which orders a target takes part of that is later than the known load."""
+    late = fit.delay
+    if late is None or -late.seconds < TOLD * late.standard_error:
+        return []
+    speed = np.concatenate([_velocity(run.log)[run.counts] for run in fit.runs])
+    lost = []
+    for order in ripple_orders(fit):
+        turned = np.exp(1j * order.per_output_turn * speed * late.seconds)
+        share = 1.0 - float(np.abs(np.mean(turned)))
+        if share > min(BEYOND * order.amplitude_error / max(order.amplitude, 1e-300), MOST_LOST):
+            lost.append(f"{100.0 * share:.2g} % of order {order.order} ({order.turns})")
+    if not lost:
+        return []
+    size, error = -1e3 * late.seconds, 1e3 * late.standard_error
+    return [
+        f"{fit.target} is {plus_minus(size, error)} ms later than {late.channel}, and if it is so "
+        f"late against the angle too, that takes {listed(lost, 6)} at these speeds: ask for the "
+        f"repair shift={fit.target}:{-late.seconds:.3g} and fit again"
+    ]
+
+
+def _velocity(log: Log) -> Array:
+    """Velocity of the output as recorded, else the slope of its position, rad/s."""
+    if "output_velocity" in log:
+        return log["output_velocity"]
+    return np.gradient(log["output_position"], log["time"])
+
+
 def per_output_turn(order: int, pair: str, facts: Mapping[str, Any]) -> float:
     """Return an order of a pair counted per turn of the output, NaN where nobody can say."""
-    known = {p.name: p.turns for p in pairs(facts)}
-    return order * known.get(pair.replace("_on_", "_"), float("nan"))
+    known = {CORE_PAIRS[p.name]: p.turns for p in pairs(facts)}
+    return order * known[_told(pair, facts)]
+
+
+def _told(pair: str, facts: Mapping[str, Any]) -> str:
+    """The pair, or that of the motor where nobody said which spline is the output."""
+    return pair if pair in {CORE_PAIRS[p.name] for p in pairs(facts)} else MOTOR_PAIR
 
 
 def _order(
-    fit: Fit, known: tuple[str, int, str, float, tuple[str, str]], covariance: Array, naive: Array
+    fit: Fit,
+    known: tuple[str, int, str, str, float, tuple[str, str]],
+    covariance: Array,
+    naive: Array,
 ) -> RippleOrder:
     both = np.array([fit[name].value for name in known[-1]])
     amplitude = float(np.hypot(*both))

@@ -264,8 +264,12 @@ def voltage_drift(result: CalibrationResult, ax: Axes | None = None) -> Axes:
     curve, error = result.drift_voltage(grid)
     ax.plot(grid, MILLI * curve, color=INK, linewidth=1.8, label="b(T)")
     low, high = MILLI * (curve - NORMAL_95 * error), MILLI * (curve + NORMAL_95 * error)
+    shown = MILLI * np.concatenate([values, curve])  # a band that knows nothing hides no data
+    around = 0.5 * float(np.ptp(shown)) or 1.0
     ax.fill_between(grid, low, high, color=INK, alpha=0.2, linewidth=0, label="95 %")
     ax.set(xlabel=channel_label("temperature"), ylabel="voltage without load [mV]")
+    if max(high.max() - shown.max(), shown.min() - low.min()) > around:
+        ax.set_ylim(shown.min() - around, shown.max() + around)
     return finished(ax, "Drift over temperature")
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.calibration.result import bend_of, percent_text
 from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
@@ -19,6 +20,7 @@ from flexspline.report.text import UNKNOWN, Verdict, faults_sentence, unknown_er
 if TYPE_CHECKING:
     from flexspline.calibration.accuracy import Figure
     from flexspline.calibration.result import CalibrationResult
+    from flexspline.calibration.thermal import ThermalLeg
     from flexspline.least_squares.result import Parameter
 
 __all__ = [
@@ -34,6 +36,7 @@ WIDTH = 100
 
 MILLI = 1000.0
 POOR = 0.05  # of the full scale
+ROUNDING = 1e-9  # of the RMSE: what sums of doubles leave of a mean that is zero
 MEANS = {
     "sensitivity": "of torque over voltage",
     "zero": "torque at 0 V; in volts the reading without load, at T₀",
@@ -50,10 +53,6 @@ OWN_ZEROS = (
     "noise alone. A sensor that is mounted or zeroed again has another zero: zero its reading, or "
     "take it to be off by that standard deviation times √(1 + 1/R) after R runs, and by more after "
     "few."
-)
-NOISE_ALONE = (
-    "Errors of parameters are those of the noise: bend and hysteresis repeat, and stand in the "
-    "figures."
 )
 
 
@@ -309,7 +308,20 @@ def told(result: CalibrationResult) -> list[str]:
             "A zero that moved between the runs could pass for drift here, unseen: the temperature "
             "changes too little within the runs."
         )
-    return [*said, result.uncertainty.statement, NOISE_ALONE]
+    return [*said, result.uncertainty.statement, noise_alone(result)]
+
+
+def noise_alone(result: CalibrationResult) -> str:
+    """Return what the errors hold, and how many parameters the noise has that are not told."""
+    repeats = "bend and hysteresis"
+    if result.gain_test is not None:
+        repeats = "bend, hysteresis and a gain that changes with temperature"
+    count = result.uncertainty.noise.parameters - len(result.uncertainty.basis)
+    beside = f", which is found beside {count} more of {repeats}" if count > 0 else ""
+    return (
+        f"Errors of parameters are those of the noise{beside}: {repeats} repeat, and stand in the "
+        "figures."
+    )
 
 
 def _held_zero(result: CalibrationResult) -> str:
@@ -333,6 +345,11 @@ def _spread(means: NDArray[np.float64]) -> list[float]:
     return found
 
 
+def _told(leg: ThermalLeg) -> float:
+    """The mean error of a leg, 0 where that is rounding: a mean that is fitted is zero."""
+    return leg.bias if abs(leg.bias) > ROUNDING * leg.rmse else 0.0
+
+
 def _legs(result: CalibrationResult) -> list[str]:
     """What ways load and temperature went."""
     said = []
@@ -346,7 +363,7 @@ def _legs(result: CalibrationResult) -> list[str]:
         )
     said += [
         f"{'Heating' if leg.heating else 'Cooling'} in {leg.run}, {leg.low:.1f} to {leg.high:.1f} "
-        f"°C: the reading is off by {sized(result, leg.rmse)} RMSE, {sized(result, leg.bias)} in "
+        f"°C: the reading is off by {sized(result, leg.rmse)} RMSE, {sized(result, _told(leg))} in "
         "the mean."
         for leg in result.thermal_legs
     ]
@@ -411,6 +428,10 @@ def _faults(result: CalibrationResult) -> list[str]:
         found.append(f"the sensitivity is {what}, {result.sensitivity_reason}")
     if _moved(result):
         found.append("the zero moved between the runs")
+    if result.gain_test is not None and result.gain_test.changes:
+        found.append("the gain changes with temperature")
+    if (bend := bend_of(result)) is not None:
+        found.append(f"a straight line is off by {percent_text(bend[0].percent or 0.0)} %FS")
     hidden = _hidden(result)
     if hidden:
         found.append(f"not determined alone: {', '.join(hidden).replace('_', ' ')}")
@@ -430,6 +451,8 @@ def _missing(result: CalibrationResult) -> str:
         return ""
     names = [f.name for f in result.figures if f.percent is None]
     plain = list(dict.fromkeys(name.split(",")[0] for name in names))
+    if result.gain_test is None and result.shape.degree > 0:
+        plain.append("gain against temperature")
     return f" These runs do not show: {', '.join(plain)}." if plain else ""
 
 
@@ -457,5 +480,4 @@ def _fixed(value: float) -> str:
 
 def _of_scale(torque: float, full_scale: float) -> str:
     """Return a torque in per cent of the full scale, to two digits and in no power of ten."""
-    share = 100.0 * torque / full_scale
-    return short(share, 2) if share < 99.5 else f"{share:.0f}"
+    return percent_text(100.0 * torque / full_scale)

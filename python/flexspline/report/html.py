@@ -28,7 +28,7 @@ from flexspline.files import atomic_write
 from flexspline.formatting import padded, short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
-from flexspline.logs.checks import check_verdict
+from flexspline.logs.checks import check_verdict, must_be_repaired
 from flexspline.logs.checks.findings import EXCITED
 from flexspline.model import load_words
 from flexspline.plot import panels
@@ -401,7 +401,7 @@ def write_check_report(
         path,
         "check.html",
         verdict=check_verdict(audits, target),
-        critical=any(found.forbidding(target) or found.faults for _, found in audits),
+        critical=must_be_repaired(audits, target),
         runs=runs,
         effects=_effects(audits, excited),
     )

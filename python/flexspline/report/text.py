@@ -31,7 +31,7 @@ from flexspline.formatting import (
 )
 from flexspline.least_squares.likelihood import why_none
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
-from flexspline.model import load_words
+from flexspline.model import load_words, negative_terms
 from flexspline.report.tables import (
     between_rows,
     between_sentences,
@@ -309,6 +309,8 @@ def _doubts(fit: Fit) -> list[str]:
     shapes = [short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined]
     if shapes:
         found.append(f"shape not determined: {listed(shapes, 6)}")
+    if negative := negative_terms(fit.part, significant=True):
+        found.append(f"negative, which no drive has: {listed([t.name for t in negative], 6)}")
     warned = len([said for said in fit.warnings if said != fit.uncertainty.statement])
     if warned:
         found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")

@@ -43,6 +43,7 @@ from flexspline.logs.checks.samples import (
     quantised,
     repeated_rows,
     time_order,
+    unsigned,
     wrapped,
 )
 from flexspline.logs.log import Log, emptied
@@ -63,6 +64,7 @@ __all__ = [
     "check_runs",
     "check_verdict",
     "measured_gear",
+    "must_be_repaired",
     "together",
 ]
 
@@ -73,6 +75,7 @@ CHECKS = (
     dropped_samples,
     repeated_rows,
     constant,
+    unsigned,
     clipped,
     wrapped,
     start_transient,
@@ -162,6 +165,14 @@ def together(
         return audits[0][1].excited
     logs = _sound(audits)
     return excited_together(logs, effects, target) if logs else ()
+
+
+def must_be_repaired(audits: Audits, target: str | None = None) -> bool:
+    """Whether a run has what forbids a fit, or a fault other than rows that are not there."""
+    return any(
+        found.forbidding(target) or any(f.name != DROPPED for f in found.faults)
+        for _, found in audits
+    )
 
 
 def check_verdict(audits: Audits, target: str | None = None) -> str:

@@ -27,6 +27,11 @@ is c + b v_rms. A drive has to push against it: it is positive. A sensor reads i
 depending on where it sits: there the sign is reported, never judged. The delay D is that with which
 c, s and k at t - D explain the reading best. b and J are left out of it, for a delay of gravity and
 of c looks like them: inertia makes D smaller. It is reported where it is there with them as well.
+Presliding delays friction, near reversals alone: a drive that is late where it is fast too is late.
+
+g says whether torque and load have one sign and unit: it is 1 of a sensor, 1 / Ñ of a motor. It is
+judged where the load is nearly all that the motion leaves of the torque, and where it is such a
+factor as a slip of sign, unit or side makes; otherwise it is the joint's.
 
 The delay of any channel y behind the columns X that make it up:
 
@@ -88,6 +93,14 @@ DRIVE = ("motor_torque", "motor_current")
 
 SURE = 5.0
 """Standard errors at which a sign counts as known."""
+
+LOAD = "reference_torque"
+
+OF_THE_LOAD = 0.9
+"""Share of what motion leaves of a torque that the load has to explain, for its factor to count."""
+
+NEAR = 0.25
+"""Relative deviation from the factor of a slip; efficiency and torque constant make as much."""
 
 TORQUE_WITHIN = 0.15
 """Delays up to this [s] are looked for."""
@@ -546,16 +559,23 @@ class Reaction(NamedTuple):
 
 
 def torque(log: Log) -> Iterator[Finding]:
-    """Sign and delay of each torque channel, where the joint moves both ways."""
+    """Sign, scale and delay of each torque channel, where the joint moves both ways."""
     motion = motion_of(log)
     if motion is None or not _both_ways(motion):
         return
     columns = motion_columns(log, motion)
+    beside = list[Finding]()
     for channel in (*DRIVE, "sensor_torque"):
         if channel in log and np.ptp(log[channel][motion.rows]) > 0:
             reading = motion.smooth(log[channel])
-            yield from _sign(log, channel, _reaction(motion, columns, reading))
+            reaction = _reaction(motion, columns, reading)
+            yield from _sign(log, channel, reaction)
             yield from _late_torque(log, channel, motion, columns, reading)
+            if LOAD in log:
+                factor = _load_factor(log, channel, motion, columns, reading)
+                beside += _beside_load(log, channel, factor, reaction)
+    known = {finding.channel: finding for finding in reversed(beside)}
+    yield from known.values()  # the load is wrong once, beside however many torques
 
 
 def _both_ways(motion: Motion) -> bool:
@@ -569,7 +589,7 @@ def motion_columns(log: Log, motion: Motion) -> Array:
     q, v = motion.position, motion.velocity
     direction = np.tanh(v / (0.02 * float(np.percentile(np.abs(v), 95))))
     bent = motion.low_passed(np.column_stack((direction, np.sin(q), np.cos(q))))
-    known = [motion.smooth(log["reference_torque"])] if "reference_torque" in log else []
+    known = [motion.smooth(log[LOAD])] if LOAD in log else []
     return np.column_stack((bent, *known, v, motion.acceleration))
 
 
@@ -610,6 +630,99 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
     )
 
 
+def _load_factor(
+    log: Log, channel: str, motion: Motion, columns: Array, reading: Array
+) -> float | None:
+    """Return g, of a sensor 1 and of a motor 1 of its own side; None where the load is not told."""
+    valid = motion.inside(0.0)
+    design = np.column_stack((columns[valid], np.ones(np.count_nonzero(valid))))
+    y, at = reading[valid], columns.shape[1] - 3  # v and q̈ come behind it
+    solved, error = solve_with_error(design, y)
+    rest = np.delete(design, at, axis=1)
+    without = y - rest @ np.linalg.lstsq(rest, y, rcond=1e-12)[0]
+    left = float(np.sum((y - design @ solved) ** 2))
+    if abs(solved[at]) < SURE * error[at] or left > (1 - OF_THE_LOAD) * float(without @ without):
+        return None
+    factor = float(solved[at])
+    if channel == "sensor_torque":
+        return factor
+    constant = 1.0 if channel == "motor_torque" else log.facts.get("torque_constant")
+    if log.effective_ratio is None or constant is None:
+        return float(np.sign(factor))  # what its size should be is not known
+    return factor * log.effective_ratio * float(constant)
+
+
+def _beside_load(
+    log: Log, channel: str, factor: float | None, reaction: Reaction
+) -> Iterator[Finding]:
+    """Sign and scale of a torque beside the load, where its factor is one that a slip makes."""
+    slips = {1.0: ""} | _slips(log, channel)
+    near = [k for k in slips if factor is not None and abs(abs(factor) / k - 1) <= NEAR]
+    if factor is None or not near:
+        return
+    if (wrong := _turned(channel, factor, reaction)) is not None:
+        yield _slipped_load(
+            log,
+            "load_sign",
+            wrong[0],
+            factor,
+            f"{channel} falls where {LOAD} rises (factor {factor:.3g}): the sign of "
+            f"{' or '.join(wrong)} is flipped.",
+            ", or ".join(f"flip_sign={name}" for name in wrong),
+        )
+    if slips[near[0]]:
+        yield _slipped_load(
+            log,
+            "load_scale",
+            channel,
+            abs(factor),
+            f"{channel} is {abs(factor):.4g} times what {LOAD} makes it: {slips[near[0]]}.",
+            f"scale={channel}:{1 / near[0]:.6g}, or scale={LOAD}:{near[0]:.6g} if that is wrong",
+        )
+
+
+def _slipped_load(
+    log: Log, name: str, channel: str, size: float, sentence: str, repair: str
+) -> Finding:
+    remedy = f"Correct the column map, or ask for the repair {repair}."
+    return Finding(name, "fault", channel, (0, len(log)), size, "", sentence, remedy)
+
+
+def _slips(log: Log, channel: str) -> dict[float, str]:
+    """Return the factors that a wrong unit or side of the gear makes, and how each comes about."""
+    slips = {
+        1000.0: f"it is in thousandths of its unit, or {LOAD} in kNm",
+        0.001: f"{LOAD} is in mNm, or it is in thousands of its unit",
+    }
+    ratio = log.effective_ratio
+    if ratio is not None and ratio * (1 - NEAR) > 1 + NEAR:  # else one side looks like the other
+        at = "output, not at the motor" if channel in DRIVE else "output times the gear ratio"
+        slips[ratio] = f"it is the torque at the {at}, or {LOAD} is divided by the gear ratio"
+        slips[1 / ratio] = f"it is divided by the gear ratio, or {LOAD} is multiplied by it"
+    return slips
+
+
+def _turned(channel: str, factor: float, reaction: Reaction) -> tuple[str, ...] | None:
+    """Return whose sign is wrong, or may be; None where that of the load goes with the torque's.
+
+    Friction tells the sign of a drive, and is said of it as a whole; inertia that of a sensor.
+    """
+    if channel in DRIVE:
+        own = _way(reaction.friction, reaction.friction_error)
+        if own != 0:
+            return (LOAD,) if factor * own < 0 else None
+    else:
+        own = _way(reaction.inertia, reaction.inertia_error)
+        if own != 0 and factor < 0:
+            return (LOAD,) if own > 0 else (channel,)
+    return (LOAD, channel) if factor < 0 else None
+
+
+def _way(size: float, error: float) -> float:
+    """Sign of what is told from zero, else 0."""
+    return float(np.sign(size)) if abs(size) > SURE * error else 0.0
+
+
 def _late_torque(
     log: Log, channel: str, motion: Motion, columns: Array, reading: Array
 ) -> Iterator[Finding]:
@@ -627,6 +740,12 @@ def _late_torque(
     whole = find_delay(motion.time, reading, columns, valid, within, scan)
     if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
+    speed = np.abs(motion.velocity)
+    fast = valid & (speed > 0.5 * np.percentile(speed, 95))
+    there = find_delay(motion.time, reading, columns, fast, within, scan)
+    if channel in DRIVE and is_delay(whole) and there is not None and _same(there, whole):
+        yield _late_drive(log, channel, whole)
+        return
     yield Finding(
         "torque_delay",
         "note",
@@ -637,6 +756,30 @@ def _late_torque(
         f"{channel} is {1e3 * found.seconds:.3g} ± {1e3 * found.error:.1g} ms late against the "
         f"motion: a sensor or filter lags, or the joint gives before it slips (presliding).",
         f"If it is a lag, ask for the repair shift={channel}:{found.seconds:.3g}.",
+    )
+
+
+def _same(one: Delay, other: Delay) -> bool:
+    """Whether a delay is told from zero and is another but for a factor of two."""
+    return one.seconds > SURE * one.error and 0.5 < one.seconds / other.seconds < 2.0
+
+
+def _late_drive(log: Log, channel: str, late: Delay) -> Finding:
+    """Return the fault of a drive that is late behind the whole of its motion, fast or slow.
+
+    No effect of a drive is a lag, as a sensor's is; and presliding is no delay far from reversals.
+    """
+    return Finding(
+        "torque_delay",
+        "fault",
+        channel,
+        (0, len(log)),
+        late.seconds,
+        "s",
+        f"{channel} is {1e3 * late.seconds:.3g} ± {1e3 * late.error:.1g} ms late against the "
+        f"motion at all speeds: its filter or its recorder delays it, and a fit takes that for "
+        f"inertia and friction.",
+        f"Ask for the repair shift={channel}:{late.seconds:.3g}.",
     )
 
 

@@ -50,7 +50,7 @@ Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""
 OWN_LOAD = f"only with inertia or gravity beside it, for {KNOWN} is not there"
 """What an effect of the load takes where the load is not known."""
-STILL = (0.0, "rad/s", "the joint does not move")
+STILL = (0.0, "rad/s", "the joint stands still")
 """What a run without motion lacks; what to record is each demand's own."""
 STATE = ("State gear_ratio.", "State pole_pairs.")
 """What to do where a fact is not known, and so neither what a run lacks."""
@@ -357,7 +357,7 @@ def acceleration(_: Log, motion: Motion | None) -> Lack | None:
     narrower ones are looked at too, down to eight widths of the window in the run or 1 Hz.
     """
     if motion is None:
-        return 0.0, "rad/s²", "the joint does not move", "Record a run that accelerates."
+        return 0.0, "rad/s²", "the joint stands still", "Record a run that accelerates."
     time = motion.time
     lasts, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
     speed = float(np.sqrt(np.mean(motion.velocity**2)))

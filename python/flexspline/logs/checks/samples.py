@@ -8,6 +8,7 @@ logs eight stretches are looked at, 400 000 rows in all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,19 +16,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.derive import default_bandwidth
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
-from flexspline.logs.segments import at_rest, median_step, repeats, runs, true_ranges
+from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
 from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
 
 DROPPED = "dropped_samples"
+
+LEFT_OUT = re.compile(r"(drop_(?:invalid|duplicates|repeated|clipped)): .*?dropped: (\d+)(?:;|$)")
+"""What a log's history says of a repair that leaves out single rows (`logs/repairs.py`)."""
 
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
@@ -51,9 +56,21 @@ MEASURED = (
 )
 """Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
 
+DRIVES = ("motor_torque", "motor_current")
+"""Channels that are zero with reason while the drive is off."""
+
+UNSIGNED_BITS = (16, 32)
+"""Widths of whole numbers that recorders write in two's complement."""
+
+UNITS = (1.0, 1e-3, 1e-6)
+"""What one of these whole numbers is worth, beside the quantum of the channel."""
+
 TURNING = 5.0
 """Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
 level (1 : √2 − 1), and twice that by chance of where the level lies."""
+
+LEVELS = 4
+"""Levels of which `quantum` finds no lattice."""
 
 COARSE_LEVELS = 30_000
 """A channel with more levels than this over its range is not called quantised."""
@@ -166,18 +183,34 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         return
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
+    names, count = _left_out(log)
+    asked = missing <= count
+    remedy = "The repair resample=Hz puts the log on even steps."
+    if asked:
+        remedy = f"The repair {listed(names)} left them out, as asked; nothing is to be done."
+    elif widest > GAP_STEPS * step:
+        remedy = (
+            f"A fit takes the rows on either side of a gap of more than {GAP_STEPS} steps apart "
+            "and needs no repair; the repair resample=Hz closes shorter ones."
+        )
     yield Finding(
         DROPPED,
-        "fault",
+        "note" if asked else "fault",
         "time",
         _span(long + 1),
         float(missing),
         "rows",
         f"about {_rows(missing)} missing in {_counted(long.size, 'place')}, first before row "
         f"{long[0] + 1}; the longest step is {widest:.4g} s where {step:.4g} s is usual.",
-        "A fit takes the rows on either side of a gap of more than 2.5 steps apart and needs no "
-        "repair; the repair resample=Hz closes shorter ones.",
+        remedy,
     )
+
+
+def _left_out(log: Log) -> tuple[list[str], int]:
+    """Repairs that left out single rows of a log, and how many rows they did."""
+    told = [LEFT_OUT.match(said) for said in log.history]
+    made = [(one[1], int(one[2])) for one in told if one is not None]
+    return [name for name, _ in made], sum(count for _, count in made)
 
 
 def repeated_rows(log: Log) -> Iterator[Finding]:
@@ -244,18 +277,71 @@ def constant(log: Log) -> Iterator[Finding]:
             )
 
 
+def unsigned(log: Log) -> Iterator[Finding]:
+    """Channels with a sign whose whole numbers were read without it: −1 is 65535 of 16 bits.
+
+    All lie within a quarter of 2ᵇ of either end of its range, some at both, and jump between them.
+    """
+    for channel in log.channels:
+        known = np.flatnonzero(np.isfinite(log[channel]))
+        values = np.abs(log[channel][known])
+        if channel in ("time", *POSITIONS) or not _at_both_ends(values):
+            continue
+        steps = (quantum(values), *UNITS)
+        worth = ((b, s) for b in UNSIGNED_BITS for s in steps if _is_unsigned(values, s, b))
+        bits, step = next(worth, (0, 0.0))
+        if not bits:
+            continue
+        jumps = known[np.flatnonzero(np.abs(np.diff(values)) > 2.0 ** (bits - 1) * step) + 1]
+        yield Finding(
+            "unsigned_channel",
+            "error",
+            channel,
+            _span(jumps),
+            float(jumps.size),
+            "jumps",
+            f"{channel} jumps between nearly 0 and nearly {2**bits * step:.5g} "
+            f"{CHANNELS[channel].unit} in {_counted(jumps.size, 'place')}, first in row "
+            f"{jumps[0]}: its whole numbers of {bits} bits were read without their sign.",
+            f"Give its column bits = {bits} in the column map.",
+        )
+
+
+def _at_both_ends(values: Array) -> bool:
+    """Whether some lie near zero, some near the largest, and none in the third between."""
+    if len(values) < 2:
+        return False
+    most = float(values.max())
+    return float(values.min()) < most / 3 and not np.any(
+        (values > most / 3) & (values < most / 1.4)
+    )
+
+
+def _is_unsigned(values: Array, step: float, bits: int) -> bool:
+    """Whether these are multiples of `step` near both ends of 2ᵇ, and nowhere between."""
+    if step <= 0.0:
+        return False
+    turn = 2.0**bits
+    whole = np.round(values / step)
+    if whole.max() >= turn or np.max(np.abs(values - whole * step)) > 1e-3 * step:
+        return False
+    low, high = whole < 0.25 * turn, whole >= 0.75 * turn
+    return bool(low.any() and high.any() and np.all(low | high))
+
+
 def clipped(log: Log) -> Iterator[Finding]:
     """Values that pile up at the largest or smallest: far more often than at the levels beside.
 
-    Where the joint rests a coarse channel keeps its value with reason.
+    Where the joint rests a coarse channel keeps its value with reason, and where a drive is off.
     """
     resting = at_rest(log)
+    off = log["enabled"] < 0.5 if "enabled" in log else np.zeros(len(log), dtype=bool)
     for channel in MEASURED:
         if channel not in log or not np.isfinite(log[channel]).any():
             continue
-        values = log[channel]
+        values, idle = log[channel], resting | off if channel in DRIVES else resting
         for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
-            at = (values == limit) & ~resting
+            at = (values == limit) & ~idle
             count = int(np.count_nonzero(at))
             if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
                 continue
@@ -421,7 +507,8 @@ class Motion:
 def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     """Motion of a position channel; None where it has none worth the name.
 
-    Too little motion: less than 50 quanta or 20 times the noise, or fewer than 100 rows.
+    Too little motion: less than 50 quanta or 20 times the noise, or fewer than 100 rows. So few
+    levels as show no quantum are a count or two of an encoder at rest.
     """
     if channel not in log:
         return None
@@ -429,7 +516,8 @@ def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     time, position = log["time"][rows], unwrapped(log[channel])[rows]
     travel = float(np.ptp(position)) if len(position) else 0.0
     grain = max(50 * quantum(position), 20 * white_noise(position))
-    if len(rows) < 100 or travel <= max(grain, 1e-12):
+    still = travel <= max(grain, 1e-12) or len(np.unique(position)) <= LEVELS
+    if len(rows) < 100 or still:
         return None
     ranges = runs(time)
     ranges = ranges[ranges[:, 1] - ranges[:, 0] >= 10]
