@@ -606,9 +606,13 @@ def bands_of(
 
 
 def worst_band(bands: Sequence[Band]) -> Band:
-    """Return the band with the largest excess, of those with enough rows to tell."""
+    """Return the band with the largest significant excess.
+
+    Where none is significant: with the largest RMSE, of those with enough rows to tell.
+    """
+    sure = [band for band in bands if band.significant]
     known = [band for band in bands if band.effective_rows >= LEAST_EFFECTIVE] or list(bands)
-    return max(known, key=lambda band: (band.significant, band.excess, band.rmse))
+    return max(sure, key=lambda band: band.excess) if sure else max(known, key=lambda b: b.rmse)
 
 
 def peaks_of(turning: Turning) -> list[OrderPeak]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexspline.comparison.models import FITTED
-from flexspline.comparison.result import floor_sentence, ranked, sized
+from flexspline.comparison.result import floor_sentence, legible, ranked, sized
 from flexspline.comparison.search import Band, worst_band
 from flexspline.errors import listed
 from flexspline.formatting import (
@@ -185,9 +185,9 @@ def base_told(made: Comparison) -> list[str]:
 
 
 def worst_rows(made: Comparison) -> list[Row]:
-    """Return heading and rows: all rows, then the worst band of each covariate."""
+    """Return heading and rows: all rows, then the band of each covariate that exceeds most."""
     unit = made.unit
-    head = ("worst band of", "", "rows", f"RMSE [{unit}]", "noise floor", "excess", "bias")
+    head = ("largest excess over", "", "rows", f"RMSE [{unit}]", "noise floor", "excess", "bias")
     rows = [head, ("all rows", "", *_numbers(made.overall, made.noise_floor))]
     for name in ranked(made):
         band = worst_band(made.by[name])
@@ -237,10 +237,10 @@ def _numbers(band: Band, floor: float) -> Row:
     error = f" ± {sized(band.noise_floor_error, 0.1 * floor)}"
     return (
         str(band.rows),
-        sized(band.rmse, 0.1 * floor),
+        legible(band.rmse, 0.1 * floor),
         sized(band.noise_floor, 0.1 * floor) + error,
-        sized(band.excess, 0.1 * floor) if band.significant else "–",
-        sized(band.bias, 0.1 * floor),
+        legible(band.excess, 0.1 * floor) if band.significant else "–",
+        legible(band.bias, 0.1 * floor),
     )
 
 
