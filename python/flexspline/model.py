@@ -736,12 +736,17 @@ def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     """Return a sentence for each friction and inertia below zero, which no drive has.
 
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
-    what corrects a foreign simulation may be too much in that. `significant`: those alone.
+    what corrects a foreign simulation may be too much in that. A coefficient that the runs do not
+    determine by itself has no sign. `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
     checked = []
+    open_ones = {p["name"] for p in part.record.get("parameters", ())
+                 if p["state"] == "not determined"}  # fmt: skip
     for effect, values in part.by_effect():
+        if open_ones.intersection(f"{effect.name}.{term.name}" for term in effect.terms):
+            continue
         traits = effect.info.traits
         if traits.basic and traits.one_signed:
             what = effect.name.rpartition("_")[2]  # friction or inertia
