@@ -21,7 +21,7 @@ from flexspline.least_squares.per_run_terms import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
-from flexspline.report.tables import between_sentences
+from flexspline.report.tables import between_rows, between_sentences
 
 own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")
 offsets = importlib.import_module("flexspline.least_squares.per_run_terms")
@@ -190,6 +190,15 @@ def test_a_term_that_is_held_in_one_run_is_no_value_that_runs_determine() -> Non
     assert zero.determined == (True, True, False, True) and zero.standard_errors[2] == 0.0
     assert zero.differs and not any("determine its own" in said for said in fit.warnings)
     assert not any("not determined" in line for line in str(fit).splitlines())
+
+
+def test_a_mean_that_fewer_than_two_runs_determine_is_no_number() -> None:
+    fit = fitted(runs_of(3))
+    zero, sine = fit.between_runs
+    alone = replace(zero, determined=(True, False, False))
+    rows = between_rows(replace(fit, between_runs=(alone, sine)))
+    assert [row[1] for row in rows[-2:]] == ["not determined", "–"]
+    assert all("±" in row[2] for row in rows[1:-1])
 
 
 def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
