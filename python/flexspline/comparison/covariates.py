@@ -394,8 +394,10 @@ def turning_of(compared: Compared, rows: Rows, rest: Array) -> Turning:
     try:
         angle = rows.column(compared, lambda run, k: output_angle(run.log))
         values = _searched(compared, rows, rest)
-        analysis = find_orders(logs, values, false_alarm=FALSE_ALARM, unit=compared.unit,
-                               channel=f"residual of {compared.what.replace('_', ' ')}")  # fmt: skip
+        called = f"residual of {compared.what.replace('_', ' ')}"
+        analysis = find_orders(
+            logs, values, false_alarm=FALSE_ALARM, unit=compared.unit, channel=called
+        )
     except InputError as error:
         return _none(rows, str(error))
     return Turning(angle, rows.direction, analysis, "")
