@@ -294,9 +294,9 @@ def _fitted(names: Sequence[str], runs: Sequence[ModelRun]) -> list[str]:
         own = tuple(run.log.name for run in runs if run.kinds[at] == FITTED)
         alike.setdefault(own, []).append(f"'{name}'")
     return [
-        f"{listed(which)} {'was' if len(which) == 1 else 'were'} fitted to {listed(own, 3)}: errors "
-        "there are too low to be compared, and marked with †; held-out errors are those of a fit "
-        "itself, at its own low pass."
+        f"{listed(which)} {'was' if len(which) == 1 else 'were'} fitted to {listed(own, 3)}: "
+        "errors there are too low to be compared, and marked with †; held-out errors are those of "
+        "a fit itself, at its own low pass."
         for own, which in alike.items()
         if own
     ]

@@ -564,7 +564,7 @@ def draw_contour(made: Contour, ax: Axes | None = None) -> Axes:
     """Draw the region of two parameters; it is open where it does not end within bounds."""
     ax = axes_or_new(ax)
     around = np.vstack([made.points, made.points[:1]])
-    label = f"{percent(made.level)}, both together"
+    label = f"{percent(made.level)}, both together{', by F' if made.by else ''}"
     ax.plot(*around.T, ".-", color=PALETTE[0], markersize=3, label=label)
     ax.plot(*made.values, "+", color=INK, markersize=8, label="as fitted")
     one, other = (f"{short_names(n)} [{u}]" for n, u in zip(made.names, made.units, strict=True))
