@@ -18,6 +18,7 @@ from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.least_squares.validation import bands
 from flexspline.logs import Log
+from flexspline.report.text import _grade as grade
 from flexspline.report.text import fit_text
 
 FITS: dict[str, Callable[[], Fit]] = {
@@ -116,6 +117,11 @@ def test_states_are_said_in_words() -> None:
     assert re.search(r"temperature_drift.quadratic +0 +Nm/K² +fixed", text)
     assert re.search(r"viscous_friction.viscosity +0.02 +Nm·s/rad +ended at its lower bound", text)
     assert re.search(r"coulomb_friction.level .*prior 0.30 ± 0.05", text)
+
+
+def test_what_is_explained_a_little_is_not_called_nothing() -> None:
+    assert grade(0.027) == "Explains next to nothing of"
+    assert grade(0.0) == grade(-0.3) == grade(float("nan")) == "Explains nothing of"
 
 
 @pytest.mark.parametrize(

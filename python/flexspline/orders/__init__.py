@@ -445,7 +445,7 @@ def _decimals(step: float) -> int:
 
 
 def _chance(chance: float) -> str:
-    return f"{max(chance, 1e-99):.0e}"
+    return f"{chance:.0e}" if chance >= 1e-99 else "below 1e-99"
 
 
 def _size(value: float, error: float, unit: str) -> str:

@@ -44,6 +44,7 @@ from flexspline.plot.canvas import (
     panelled,
     part_of,
     plain,
+    short_labels,
     spread_evenly,
     titled,
 )
@@ -270,8 +271,9 @@ def _points(fit: Fit, columns: list[Array], what: str) -> tuple[Array, Array, ND
 
 def _name_runs(fit: Fit, ax: Axes) -> None:
     if 1 < len(fit.runs) <= MOST_COLOURED_RUNS:
-        for run, colour in zip(fit.runs, colours_of_runs(len(fit.runs)), strict=True):
-            ax.plot([], [], "o", color=colour, markersize=4, label=plain(run.log.name))
+        names = short_labels([run.log.name for run in fit.runs])
+        for name, colour in zip(names, colours_of_runs(len(fit.runs)), strict=True):
+            ax.plot([], [], "o", color=colour, markersize=4, label=plain(name))
 
 
 def components(

@@ -52,6 +52,7 @@ MAP = (
     "RMS of measured − modelled (line) in each band against the noise floor there (grey, with "
     "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
     "that is more than chance. All panels have the same scale; what the gap follows comes first. "
+    "Bands are drawn equally wide, whatever they span: read their ends. "
     "Hatched: fewer than 2 % of the rows."
 )
 ORDERS = (

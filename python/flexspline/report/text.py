@@ -273,7 +273,7 @@ def _grade(share: float) -> str:
     ):
         if share >= limit:
             return words
-    return "Explains nothing of"
+    return "Explains next to nothing of" if share > 0.0 else "Explains nothing of"
 
 
 def _percent(share: float) -> str:
