@@ -37,7 +37,7 @@ def test_a_legend_over_data_and_numbers_on_each_other_are_found() -> None:
 def test_short_names_of_runs_differ_and_keep_their_numbers_whole() -> None:
     speeds = [f"velocity_{speed:.6f}readings" for speed in (0.03, 0.05, 1.3)]
     assert short_labels(speeds) == ["…0.030000", "…0.050000", "…1.300000"]
-    assert short_labels([f"joint2_vel_p{k}" for k in (1, 2, 10)]) == ["…1", "…2", "…10"]
+    assert short_labels([f"joint2_vel_p{k}" for k in (1, 2, 10)]) == ["…p1", "…p2", "…p10"]
     assert short_labels(["at rest", "forward"]) == ["at rest", "forward"]
     assert short_labels(["one name of two", "one name of two"]) == ["1", "2"]
 

@@ -216,8 +216,8 @@ def short_labels(labels: Sequence[str], longest: int = 12) -> list[str]:
     """
     if len(labels) < 2 or max(map(len, labels)) <= longest:
         return list(labels)
-    first = _alike(labels)
-    last = _alike([label[first:][::-1] for label in labels])
+    first = _alike(labels, _word)
+    last = _alike([label[first:][::-1] for label in labels], _kind)
     bare = [label[first : len(label) - last] for label in labels]
     tries = [
         ["…" * (first > 0) + label for label in bare],
@@ -228,14 +228,18 @@ def short_labels(labels: Sequence[str], longest: int = 12) -> list[str]:
     return next(fit, [str(number) for number in range(1, len(labels) + 1)])
 
 
-def _alike(labels: Sequence[str]) -> int:
+def _alike(labels: Sequence[str], kind: Callable[[str], int]) -> int:
     """How many characters all labels begin with, up to where a word or a number ends."""
     count = sum(1 for _ in takewhile(lambda c: len(set(c)) == 1, zip(*labels, strict=False)))
     while count and any(
-        _kind(one[count - 1 : count]) == _kind(one[count : count + 1]) != 0 for one in labels
+        kind(one[count - 1 : count]) == kind(one[count : count + 1]) != 0 for one in labels
     ):
         count -= 1
     return count
+
+
+def _word(letter: str) -> int:
+    return min(_kind(letter), 1)
 
 
 def _kind(letter: str) -> int:
