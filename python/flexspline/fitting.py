@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import OFFSET
-from flexspline.errors import InputError, require_kind
+from flexspline.errors import InputError, listed, require_kind
+from flexspline.formatting import short
 from flexspline.progress import Progress
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
@@ -21,6 +22,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
     from flexspline.logs.channel_noise import ChannelNoise
+    from flexspline.logs.checks import Finding
     from flexspline.logs.log import Log
     from flexspline.logs.read import LogLike
     from flexspline.model import Model
@@ -420,10 +422,27 @@ def checked(
     elsewhere = known_load not in (None, "reference_torque")
     asked = [e.name for e in effects if not (e.own or (elsewhere and "load" in e.reads))]
     sentences = unused_load(runs, target, known_load)
+    alike: dict[tuple[Any, ...], list[tuple[str, Finding]]] = {}
     for log, findings in zip(runs, check_runs(runs, effects=asked, target=target), strict=True):
         findings.raise_forbidding(target)
-        sentences += [f"{log.name}: {f.sentence} {f.remedy}".rstrip() for f in findings.faults]
-    return sentences
+        for number, fault in enumerate(findings.faults):
+            whole = fault.rows == (0, len(log))  # what is of some rows is told of each run
+            key = (fault.name, fault.channel, fault.unit, *(() if whole else (log.name, number)))
+            alike.setdefault(key, []).append((log.name, fault))
+    return [*sentences, *(_fault_of_runs(found) for found in alike.values())]
+
+
+def _fault_of_runs(found: Sequence[tuple[str, Finding]]) -> str:
+    """What one or several runs have, of the run where it is largest, and how small it gets."""
+    name, worst = max(found, key=lambda one: abs(one[1].size))
+    others = [other for other, _ in found if other != name]
+    said = f"{name}: {worst.sentence}"
+    if others:
+        least = min(abs(fault.size) for _, fault in found)
+        ms = worst.unit == "s"
+        amount = f"{short(1e3 * least)} ms" if ms else f"{short(least)} {worst.unit}".rstrip()
+        said += f" The same in {listed(others)}, where it is {amount} or more."
+    return f"{said} {worst.remedy}".rstrip()
 
 
 def solved(

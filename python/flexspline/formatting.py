@@ -59,7 +59,9 @@ def plus_minus(value: float, error: float) -> str:
     from uncertainties import ufloat  # takes long to import, and few calls write errors
 
     text = f"{ufloat(value, error):P}".replace("±", " ± ").replace("×", "·")
-    return re.sub(r"^-(0(\.0+)?) ± ", r"\1 ± ", text)
+    text = re.sub(r"^(\(?)-(0(\.0+)?) ± ", r"\1\2 ± ", text)
+    zero = re.fullmatch(r"\(0(?:\.0+)? ± ([\d.]+)\)·10([¹²³])", text)  # 0·10¹ is no number
+    return f"0 ± {float(zero[1]) * 10 ** ('¹²³'.index(zero[2]) + 1):.0f}" if zero else text
 
 
 def apart(text: str) -> tuple[str, str]:

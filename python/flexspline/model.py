@@ -760,14 +760,18 @@ def negative_terms(part: Part, *, significant: bool = False) -> list[NegativeTer
     """Return each friction and inertia below zero, which no drive has.
 
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
-    what corrects a foreign simulation may be too much in that. `significant`: those alone.
+    what corrects a foreign simulation may be too much in that. A coefficient that the runs do not
+    determine by itself has no sign. `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
     entries = part.record.get("parameters", ())
-    near = {p["name"] for p in entries if p["state"] == HIDDEN or not _significant(p)}
+    hidden = {p["name"] for p in entries if p["state"] == HIDDEN}
+    near = {p["name"] for p in entries if not _significant(p)}
     found = []
     for effect, values in part.by_effect():
+        if hidden.intersection(f"{effect.name}.{term.name}" for term in effect.terms):
+            continue
         unit, name = effect.terms[0].unit if effect.terms else "", effect.name
         what = name.rpartition("_")[2]  # friction or inertia
         if effect.info.traits.one_signed and len(effect.terms) == 1:  # levels of a loop are several

@@ -21,9 +21,10 @@ import numpy as np
 
 from flexspline.errors import InputError, number
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
+from flexspline.logs.checks.consistency import is_delay, velocity_delay
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
-from flexspline.logs.log import Log, is_read
+from flexspline.logs.log import Log, emptied, is_read
 from flexspline.parallel import in_order
 
 __all__ = [
@@ -48,6 +49,7 @@ INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
 # be late, and have been filtered by its drive, which a position has not
+TOLD = 0.05  # of a row, from which a delay is told
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,8 @@ def learned(
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is not None and velocity is not None and _quieter(velocity, position):
         late = _lateness(logs, position.smoother(1))
+        if abs(late) * velocity.rate > TOLD:  # small against the motion's periods it is no longer
+            late = _as_checked(logs, late)
         noise[VELOCITY] = replace(velocity, delay=late)
     return noise, preparations_for(noise, target, known_load, bandwidth)
 
@@ -264,6 +268,16 @@ def _lateness(logs: Sequence[Log], bandwidth: float) -> float:
         products += product
         squares += square
     return products / squares if squares > 0.0 else 0.0
+
+
+def _as_checked(logs: Sequence[Log], late: float) -> float:
+    """The delay as the checks of encoders tell it, the median of the runs; s.
+
+    What is `late` by much of the motion's periods falls short by less than delay · acceleration.
+    """
+    found = [velocity_delay(emptied(log), VELOCITY) for log in logs]
+    told = [one.seconds for one in found if one is not None and is_delay(one)]
+    return float(np.median(told)) if 2 * len(told) > len(logs) else late
 
 
 def _late_motion(log: Log, bandwidth: float) -> tuple[float, float]:

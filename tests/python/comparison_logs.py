@@ -50,6 +50,10 @@ def _loaded(at: Channels) -> Array:
     return 0.05 * np.abs(at["reference_torque"]) * np.tanh(at["output_velocity"] / 0.05)
 
 
+def _bent(at: Channels) -> Array:
+    return 0.1 * at["reference_torque"] ** 3
+
+
 def _nothing(at: Channels) -> Array:
     return np.zeros(len(at["time"]))
 
@@ -61,6 +65,7 @@ HIDDEN: dict[str, Callable[[Channels], Array]] = {
     "warm": _warm,
     "reversal": _reversal,
     "loaded": _loaded,
+    "bent": _bent,
 }
 
 

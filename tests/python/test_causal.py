@@ -54,5 +54,5 @@ def test_each_run_behind_a_gap_starts_at_rest() -> None:
 
 
 def test_a_bandwidth_beyond_a_quarter_of_the_rate_is_refused() -> None:
-    with pytest.raises(InputError, match="bandwidth of 400 Hz does not suit a rate of 1000 Hz"):
+    with pytest.raises(InputError, match="400 Hz does not suit a rate of 1000 Hz; choose one up"):
         differentiate_causal(swinging(), bandwidth=400.0)

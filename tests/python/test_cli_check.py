@@ -202,8 +202,23 @@ def test_a_gap_is_shaded_where_no_sample_is_in_every_panel_and_the_line_is_broke
         (mark,) = ax.patches
         assert (mark.get_x(), mark.get_x() + mark.get_width()) == pytest.approx((before, behind))
         assert np.count_nonzero(np.isnan(ax.lines[0].get_xdata())) == 1
-    assert "dropped samples 60 rows" in channel_axes(figure, log)[-1].get_xlabel()
+    assert figure.get_suptitle().endswith("\ndropped samples 60 rows")
+    assert channel_axes(figure, log)[-1].get_xlabel() == "time [s]"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["no samples"]
+
+
+def test_single_rows_here_and_there_do_not_shade_all_that_lies_between() -> None:
+    log = sound_log(SEED)
+    again = np.arange(len(log))
+    again[200:1800:80] -= 1  # 20 rows that repeat the one before
+    channels = {name: log[name] if name == "time" else log[name][again] for name in log.channels}
+    log = fx.Log.from_arrays(facts=log.facts, **channels)
+    found = fx.check(log)
+    (fault,) = found.named("repeated_rows")
+    assert fault.size == 20.0 and fault.rows[1] - fault.rows[0] > 1500
+    figure = plot_channels(log, found)
+    assert [ax for ax in channel_axes(figure, log) if ax.patches] == []
+    assert "repeated rows 20 rows" in figure.get_suptitle()
 
 
 def test_thousands_of_gaps_are_drawn_as_few_marks() -> None:

@@ -73,6 +73,11 @@ def test_no_effect_at_all_is_a_fit(tmp_path: Path, runs: list[Path]) -> None:
     )
     assert result.exit_code == 0, result.stderr
     assert Model.load(tmp_path / "n" / "model.json").part().effects == ()
+    page = (tmp_path / "n" / "report.html").read_text(encoding="utf-8")
+    for said in (result.stdout, page):
+        assert "No coefficient was fitted" in said
+        assert "parameters in this noise" not in said and "errors to hold" not in said
+    assert "determine every coefficient" not in page
 
 
 @pytest.mark.usefixtures("undrawn")

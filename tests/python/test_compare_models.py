@@ -99,6 +99,22 @@ def test_a_model_is_not_praised_for_a_run_that_it_was_fitted_to(from_file, tmp_p
     assert "'own' was fitted to run 0" in str(made)
 
 
+def test_the_verdict_is_of_the_runs_that_no_model_was_fitted_to(tmp_path):
+    logs = list(runs()[:3])
+    few = friction()[:2]
+    models = {"all": fitted(friction(), logs[:2]).model, "less": fitted(few, logs[:2]).model}
+    made = flexspline.compare_models(models, logs)
+    best, other = made.errors()[2]
+    text = " ".join(str(made).split())
+    assert "Lowest error over run 2, which no model was fitted to: all, " in text
+    assert f"{best:.4f} Nm; less {other:.4f}." in text
+    lines = {line[:18].strip(): line for line in str(made).splitlines()}
+    assert "kind of error" not in lines and lines["kind over all rows"].count("fitted") == 2
+    assert text.count("fitted to run 0, run 1:") == 1
+    made.report(tmp_path / "report.html")
+    assert "say nothing" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_criteria_are_those_of_the_fits_where_they_are_of_the_same_rows_and_else_left_out():
     assert compared().aic == pytest.approx([whole().aic, small().aic])
     assert compared().bic == pytest.approx([whole().bic, small().bic])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import measured
+import numpy as np
 import pytest
 
 import flexspline
@@ -53,3 +54,15 @@ def test_the_gap_of_the_kinova_current_turns_with_the_motor(data_folder: Path) -
     sizes = {round(peak.per_output_turn): 7.6 * peak.amplitude for peak in made.orders}
     assert sizes[1200] == pytest.approx(0.14, abs=0.03)
     assert sizes[1400] == pytest.approx(0.13, abs=0.03)
+
+
+def test_the_weight_of_kuka_joint_2_leaves_no_order_of_its_bands(data_folder: Path) -> None:
+    log, *others = (measured.iiwa(2, speed) for speed in ("p2", "p1", "p3"))
+    fit = flexspline.fit(BASE[:3], others, "sensor_torque", checks=False)
+    made = flexspline.compare(fit.model, log)
+    assert made.follows[0].name == "position"
+    # what is left of 34 Nm; with one mean per band of 0.1 rad 3.1 Nm and orders 63, 126, 188 ...
+    assert made.noise_floor < 1.0
+    bands = 20.0 * np.pi * np.arange(1, 9)  # bands of 0.1 rad and their harmonics
+    orders = np.array([peak.per_output_turn for peak in made.orders])
+    assert np.abs(orders[:, None] - bands).min(initial=np.inf) > 2.0

@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 
 from flexspline.logs import Log
 from flexspline.orders import find_orders
-from flexspline.plot.canvas import LEAST, PlainFigure, axes_or_new, legend, log_axis, titled
+from flexspline.plot.canvas import (
+    LEAST,
+    PlainFigure,
+    axes_or_new,
+    legend,
+    log_axis,
+    short_labels,
+    titled,
+)
 from flexspline.plot.estimate import observer_gain
 
 
@@ -24,6 +32,14 @@ def test_a_legend_over_data_and_numbers_on_each_other_are_found() -> None:
     assert "a legend is over data" in found
     assert "'one half' lies on 'more'" in found
     assert "'a line' is black" in found
+
+
+def test_short_names_of_runs_differ_and_keep_their_numbers_whole() -> None:
+    speeds = [f"velocity_{speed:.6f}readings" for speed in (0.03, 0.05, 1.3)]
+    assert short_labels(speeds) == ["…0.030000", "…0.050000", "…1.300000"]
+    assert short_labels([f"joint2_vel_p{k}" for k in (1, 2, 10)]) == ["…p1", "…p2", "…p10"]
+    assert short_labels(["at rest", "forward"]) == ["at rest", "forward"]
+    assert short_labels(["one name of two", "one name of two"]) == ["1", "2"]
 
 
 def test_many_labels_and_a_long_title_have_room_whatever_comes_first() -> None:

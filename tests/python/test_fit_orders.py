@@ -10,7 +10,7 @@ import pytest
 from fit_logs import autoregressive
 
 import flexspline
-from flexspline.least_squares.ripple import _only_by_fit, ripple_orders
+from flexspline.least_squares.ripple import _empty, _only_by_fit, ripple_orders
 from flexspline.logs import Log
 from flexspline.orders import OrderAnalysis, find_orders
 from flexspline.rigs import sensor_rig
@@ -49,6 +49,31 @@ def test_orders_left_open_are_found_with_their_amplitudes() -> None:
     assert abs(cosine.value - 0.05 * np.cos(0.4)) < 4 * cosine.standard_error
     assert abs(sine.value + 0.05 * np.sin(0.4)) < 4 * sine.standard_error
     assert fit.orders is not None and len(fit.orders) >= 2
+
+
+def test_an_effect_left_out_of_one_run_is_not_said_to_differ_between_runs() -> None:
+    analysis = cast(
+        OrderAnalysis, [SimpleNamespace(effect="kinematic_error", per_output_turn=14.592)]
+    )
+    said = _empty(analysis, "kinematic_error")
+    assert "orders 14.592 per output turn" in said and "runs" not in said
+    assert "none of them from zero" in said
+
+
+def test_an_order_whose_steady_part_is_within_its_error_has_no_phase() -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 24.0, 0.004)
+    v = 1.1 * np.sign(np.sin(2 * np.pi * t / 24.0 + 1e-9))
+    q = np.cumsum(v) * 0.004
+    wave = np.cos(3 * q + np.where(v > 0, 0.0, np.pi))  # of opposite phase in both directions
+    values = 0.05 * wave + 0.01 * rng.standard_normal(len(t))
+    log = Log.from_arrays(time=t, output_position=q, output_velocity=v, facts={"gear_ratio": 50})
+    found = find_orders(log, [values], unit="Nm", channel="residual of torsion")
+    (row,) = (cells for cells in found._cells() if cells[2] == "3")
+    assert row[6] == "–"
+    assert found._title().startswith("residual of torsion [Nm]: 1 order")
+    bare = find_orders(log, [values], channel="gain")
+    assert bare._title().startswith("gain: 1 order")
 
 
 @pytest.mark.parametrize("first", [0, 118, 310])

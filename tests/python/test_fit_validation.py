@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_logs import FRICTION, HELD, fitted, friction, log_with, motion, rows_of, run_of, simulated
 
+import flexspline
 from flexspline.least_squares.estimate import Given, estimate
 from flexspline.least_squares.problem import problem_of
 from flexspline.least_squares.validation import bands, cross_validate, score, scores_of
@@ -141,6 +142,16 @@ def test_rows_are_told_by_direction_speed_temperature_and_nearness_to_a_reversal
     parts = [s for (group, _), s in found.items() if group == "temperature"]
     assert len(parts) == 3 and sum(s.rows for s in parts) == 1700
     assert found["all", "all rows"].rows == 1700
+
+
+def test_directions_are_scored_where_only_a_position_is_recorded():
+    channels = motion(3, 2000)
+    del channels["output_velocity"], channels["output_acceleration"]
+    log = log_with(channels, np.random.default_rng(1).normal(size=2000))
+    fit = flexspline.fit(["offset"], log, "sensor_torque", checks=False)
+    rows = {s.label: s.rows for s in fit.scores if s.group == "direction"}
+    assert rows["forward"] > 500 and rows["backward"] > 500
+    assert sum(rows.values()) == fit.scores[0].rows
 
 
 def test_each_run_has_its_score():

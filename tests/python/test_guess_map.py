@@ -28,6 +28,7 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.logs.columns import USUAL, _by_pint, to_si
 from flexspline.logs.read import read_map
 from flexspline.logs.units import seconds_of_stamps
+from flexspline.recordings.columns import joined
 
 WITHIN = 0.03  # of a channel's standard deviation, besides the step in which the file holds it
 RIGHT = 27  # of thirty
@@ -535,3 +536,9 @@ def test_of_columns_without_names_a_velocity_is_not_taken_for_a_position(tmp_pat
     guess = guess_map(tmp_path / "bare.csv")
     assert guess.columns["output_position"].source == 1
     assert guess.columns["output_velocity"].source == 2
+
+
+def test_a_reason_is_given_once() -> None:
+    assert joined("the velocity's integral", "", "the velocity's integral") == (
+        "the velocity's integral"
+    )

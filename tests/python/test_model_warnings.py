@@ -81,6 +81,16 @@ def test_a_drive_that_gives_energy_is_named_and_a_sensor_is_not(made: Effect, sa
     assert part_warnings(part("sensor_torque", {made: [-0.1]})) == []
 
 
+def test_a_coefficient_that_is_not_determined_by_itself_has_no_sign() -> None:
+    """Where a joint turns one way, offset and friction are one number: −555 A is no friction."""
+    drive = part("motor_torque", {effect("coulomb_friction"): [-555.0]})
+    entry = {"name": "coulomb_friction.level", "kind": "coefficient", "value": -555.0,
+             "standard_error": 5465.0, "state": "fitted"}  # fmt: skip
+    assert len(sign_warnings(replace(drive, record={"parameters": [entry]}))) == 1
+    hidden = {**entry, "state": "not determined"}
+    assert sign_warnings(replace(drive, record={"parameters": [hidden]})) == []
+
+
 def test_what_a_foreign_simulation_has_too_much_of_may_be_negative() -> None:
     drive = part("motor_torque", {effect("viscous_friction"): [-0.1]})
     assert len(sign_warnings(drive)) == 1

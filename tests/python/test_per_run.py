@@ -21,7 +21,7 @@ from flexspline.least_squares.per_run_terms import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
-from flexspline.report.tables import between_sentences
+from flexspline.report.tables import between_rows, between_sentences
 
 own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")
 offsets = importlib.import_module("flexspline.least_squares.per_run_terms")
@@ -192,6 +192,15 @@ def test_a_term_that_is_held_in_one_run_is_no_value_that_runs_determine() -> Non
     assert not any("not determined" in line for line in str(fit).splitlines())
 
 
+def test_a_mean_that_fewer_than_two_runs_determine_is_no_number() -> None:
+    fit = fitted(runs_of(3))
+    zero, sine = fit.between_runs
+    alone = replace(zero, determined=(True, False, False))
+    rows = between_rows(replace(fit, between_runs=(alone, sine)))
+    assert [row[1] for row in rows[-2:]] == ["not determined", "–"]
+    assert all("±" in row[2] for row in rows[1:-1])
+
+
 def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
     fit = fitted(runs_of(4))
     model = flexspline.Model.from_json(fit.model.to_json())
@@ -313,6 +322,34 @@ def test_the_command_takes_per_run_profiles_contours_and_a_summary(tmp_path: Pat
     assert wrong.exit_code == 2
     assert "--profile: 'offset' may be offset.run 0, offset.run 1" in wrong.stderr
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_fit_is_written_though_a_profile_that_was_asked_for_is_none(tmp_path: Path) -> None:
+    generator = np.random.default_rng(1)
+    t = np.arange(400) * 0.01
+    log = Log.from_arrays(
+        time=t, output_position=t + 0.2 * np.sin(3.0 * t),
+        output_velocity=1.0 + 0.6 * np.cos(3.0 * t),
+        output_acceleration=-1.8 * np.sin(3.0 * t),
+        sensor_torque=1.0 - np.sin(3.0 * t) + 0.01 * generator.standard_normal(400),
+        facts={"name": "one way"},
+    )  # fmt: skip
+    given = [
+        "fit", *saved([log], tmp_path), "--target", "sensor_torque", "--effects",
+        "offset,coulomb_friction,inertia", "--profile", "inertia", "--profile",
+        "coulomb_friction.level", "--out", str(tmp_path / "out"),
+    ]  # fmt: skip
+    made = call(*given)
+    assert made.exit_code == 0, made.stderr
+    said = "No --profile of coulomb_friction.level: coulomb_friction.level is not determined"
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for text in (" ".join(made.stdout.split()), page):
+        assert said in text and "fit runs that determine it" in text and "free it" not in text
+        assert "by its profile" in text
+    assert "Profiles and regions" in page
+    told = json.loads(call(*given, "--json").stdout)
+    assert len(told["profiles"]) == 1 and told["refused"][0].startswith(said)
 
 
 def test_a_term_of_one_of_many_runs_is_refused_a_profile_before_the_fit(

@@ -136,9 +136,26 @@ def test_what_is_left_rises_over_the_known_load_where_the_gain_is_wrong() -> Non
     words = load.replace("_", " ")
     ax = next(a for a in _axes(fit.plot()) if a.get_title(loc="left") == f"Residual over {words}")
     assert ax.get_xlabel() == f"{words} [Nm]"
-    median = next(line for line in ax.lines if line.get_label() == "median")
-    at, left = (values[np.isfinite(median.get_ydata())] for values in median.get_data())
-    assert np.polyfit(at, left, 1)[0] == pytest.approx(0.02, rel=0.1)
+    medians = [line for line in ax.lines if str(line.get_label()).startswith("median")]
+    assert [line.get_label() for line in medians] == ["median forward", "median backward"]
+    for median in medians:
+        at, left = (values[np.isfinite(median.get_ydata())] for values in median.get_data())
+        assert np.polyfit(at, left, 1)[0] == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_median_does_not_leap_between_the_two_directions() -> None:
+    """Friction that the model lacks is +1 and −1 at every angle."""
+    log = report_fits.run(3)
+    torque = np.sign(log["output_velocity"])
+    channels = {name: log[name] for name in ("time", "output_position", "output_velocity")}
+    log = Log.from_arrays(**channels, sensor_torque=torque)
+    fit = flexspline.fit(["offset"], log, "sensor_torque", checks=False)
+    ax = plot.residual_over(fit, "output_position")
+    lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in ax.lines}
+    for label, value in (("median forward", 1.0), ("median backward", -1.0)):
+        known = lines[label][np.isfinite(lines[label])]
+        assert len(known) > 10
+        assert known == pytest.approx(value - fit["offset.offset"].value)
 
 
 def test_many_runs_are_not_told_apart() -> None:

@@ -234,6 +234,14 @@ def test_a_fit_by_generalised_least_squares_has_none():
         made.profile("inertia")
 
 
+def test_a_region_says_by_how_few_degrees_of_freedom_it_is_so_wide() -> None:
+    """Of 2.8 degrees of freedom 4.6 standard errors: a region wider than two Wald intervals."""
+    region = replace(plain().contour(VELOCITY, "stribeck_friction.level", points=6), freedom=2.8)
+    assert "by F with 2.8 degrees of freedom, so that it reaches 4.6 standard errors" in str(region)
+    assert "degrees of freedom" not in str(replace(region, freedom=1e4))
+    assert "by F" in region.plot().axes[0].get_legend().get_texts()[0].get_text()
+
+
 def test_figures_have_units_and_the_limit():
     profile = plain().profile(VELOCITY)
     region = plain().contour(VELOCITY, "stribeck_friction.level", points=6)

@@ -18,6 +18,7 @@ from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.least_squares.validation import bands
 from flexspline.logs import Log
+from flexspline.report.text import _grade as grade
 from flexspline.report.text import fit_text
 
 FITS: dict[str, Callable[[], Fit]] = {
@@ -118,6 +119,11 @@ def test_states_are_said_in_words() -> None:
     assert re.search(r"coulomb_friction.level .*prior 0.30 ± 0.05", text)
 
 
+def test_what_is_explained_a_little_is_not_called_nothing() -> None:
+    assert grade(0.027) == "Explains next to nothing of"
+    assert grade(0.0) == grade(-0.3) == grade(float("nan")) == "Explains nothing of"
+
+
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
@@ -125,6 +131,9 @@ def test_states_are_said_in_words() -> None:
         (-0.008, 0.0134, "-0.008 ± 0.013"),
         (12345.6, 230.0, "(1.235 ± 0.023)·10⁴"),
         (1.23e-7, 4e-9, "(1.23 ± 0.04)·10⁻⁷"),
+        (-0.3, 40.0, "0 ± 40"),
+        (-30.0, 190.0, "(-0.3 ± 1.9)·10²"),
+        (-2e-6, 4e-5, "(0 ± 4)·10⁻⁵"),
         (0.5, float("nan"), "0.5"),
         (1.0, 0.0, "1 ± 0"),
         (float("nan"), 0.1, "–"),

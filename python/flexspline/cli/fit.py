@@ -128,6 +128,23 @@ def _criteria(made: Fit) -> dict[str, float | None]:
     return {"aic": made.aic, "bic": made.bic}
 
 
+def _beside(
+    made: Fit, names: Sequence[str], pairs: Sequence[tuple[str, str]]
+) -> tuple[list[Profile | Contour], list[str]]:
+    """Profiles and regions of a fit, and why some that were asked for are none: the fit stands."""
+    found: list[Profile | Contour] = []
+    refused = []
+    asked: list[tuple[str, tuple[str, ...]]] = [("--profile", (name,)) for name in names]
+    asked += [("--contour", pair) for pair in pairs]
+    for option, which in asked:
+        try:
+            one = made.profile(which[0]) if len(which) == 1 else made.contour(which[0], which[1])
+            found.append(one)
+        except InputError as error:
+            refused.append(f"No {option} of {' and '.join(which)}: {error}.")
+    return found, refused
+
+
 def _regions(made: Sequence[Profile | Contour]) -> dict[str, list[dict[str, Any]]]:
     """Profiles and contours for a script, with their points."""
     import numpy as np
@@ -345,14 +362,15 @@ def fit(
             )
         if made.simulation is not None and made.simulation.controller is not None:
             made.simulation.controller.save(draft / "servo.json")
-        made.report(draft / "report.html")
-        made.model.save(draft / "model.json")
-        profiles = [made.profile(name) for name in options["profiles"]]
+        beside, refused = _beside(made, options["profiles"], pairs)
         from flexspline.report.text import wrapped
 
-        beside: list[Profile | Contour] = [*profiles, *(made.contour(*pair) for pair in pairs)]
+        more: dict[str, Any] = {"beside": beside, "refused": refused} if beside or refused else {}
+        made.report(draft / "report.html", **more)
+        made.model.save(draft / "model.json")
         said = made.summary() if options["summary"] else str(made)
-        said = "\n\n".join([said, *("\n".join(wrapped(str(one))) for one in beside)])
+        told = [*(str(one) for one in beside), *refused]
+        said = "\n\n".join([said, *("\n".join(wrapped(one)) for one in told)])
 
     from flexspline.report.text import SOUND, verdict
 
@@ -369,6 +387,7 @@ def fit(
             "per_run": [term.to_json() for term in made.between_runs],
             **(_criteria(made) if options["summary"] else {}),
             **_regions(beside),
+            **({"refused": refused} if refused else {}),
         }
     )
     say(f"{said}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

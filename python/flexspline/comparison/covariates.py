@@ -21,13 +21,14 @@ means of long batches scatter more than the model says, the sums of ρ are that 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.comparison.curves import Curves, curves_of
 from flexspline.comparison.runs import Compared, ComparedRun, Rows
 from flexspline.errors import InputError
 from flexspline.formatting import told_apart
@@ -95,6 +96,7 @@ class Covariate:
     cells : (N,), cell of each row, -1 where the row has none.
     bin_of : (cells,), bin of each cell. `direction_of`: its direction, -1 where it has none.
     shown : whether it is a line of the result; others only clean the noise floor.
+    curves : through neighbouring cells; None for kinds, which have no neighbours.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Covariate:
     bin_of: NDArray[np.intp]
     direction_of: NDArray[np.intp]
     shown: bool = True
+    curves: Curves | None = None
 
     @property
     def count(self) -> int:
@@ -231,8 +234,9 @@ def _split(
     place = in_bins(values, edges)
     cells = _packed(np.where(place < 0, -1, 3 * place + direction))
     number = np.arange(3 * (len(edges) - 1))
+    curves = curves_of(cells, values, edges, number.reshape(-1, 3).T)
     return Covariate(name, words, unit, edges, labels_of(edges, unit), cells, number // 3,
-                     number % 3)  # fmt: skip
+                     number % 3, curves=curves)  # fmt: skip
 
 
 def _by_run(name: str, time: Array, edges: Array, rows: Rows, runs: int) -> Covariate:
@@ -240,8 +244,9 @@ def _by_run(name: str, time: Array, edges: Array, rows: Rows, runs: int) -> Cova
     place, count = in_bins(time, edges), len(edges) - 1
     cells = _packed(np.where(place < 0, -1, rows.run * count + place))
     number = np.arange(runs * count)
+    curves = curves_of(cells, time, edges, number.reshape(runs, count))
     return Covariate(name, "time", "s", edges, labels_of(edges, "s"), cells, number % count,
-                     np.full(runs * count, -1))  # fmt: skip
+                     np.full(runs * count, -1), curves=curves)  # fmt: skip
 
 
 def _together(first: Covariate, second: Covariate, rows: Rows) -> Covariate:
@@ -253,9 +258,12 @@ def _together(first: Covariate, second: Covariate, rows: Rows) -> Covariate:
     cells = _packed(np.where(both, coarse * np.int32(second.count) + second.cells, -1))
     number = np.arange(few * second.count)
     words = f"{first.words} and {second.words} together"
+    assert second.curves is not None
+    lines = number.reshape(few, -1, 3).transpose(0, 2, 1).reshape(3 * few, -1)
+    curves = replace(second.curves, cells=cells, lines=lines)
     return Covariate(f"{first.name} and {second.name}", words, "", None, ("",) * 2, cells,
                      np.zeros(len(number), np.intp), second.direction_of[number % second.count],
-                     False)  # fmt: skip
+                     False, curves)  # fmt: skip
 
 
 def growing_edges(values: Array, least: int, first: float) -> Array:
@@ -386,7 +394,10 @@ def turning_of(compared: Compared, rows: Rows, rest: Array) -> Turning:
     try:
         angle = rows.column(compared, lambda run, k: output_angle(run.log))
         values = _searched(compared, rows, rest)
-        analysis = find_orders(logs, values, false_alarm=FALSE_ALARM, unit=compared.unit)
+        called = f"residual of {compared.what.replace('_', ' ')}"
+        analysis = find_orders(
+            logs, values, false_alarm=FALSE_ALARM, unit=compared.unit, channel=called
+        )
     except InputError as error:
         return _none(rows, str(error))
     return Turning(angle, rows.direction, analysis, "")

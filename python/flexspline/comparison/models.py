@@ -93,11 +93,12 @@ class ModelComparison(Rendered):
 
     def errors(self) -> Array:
         """Return the RMSE of each run and, last, of all rows: (runs + 1, models), in `unit`."""
-        squares = [np.nansum(run.residuals[:, run.counts] ** 2, axis=1) for run in self.runs]
-        counts = np.array([int(run.counts.sum()) for run in self.runs])
-        squares, counts = [*squares, np.sum(squares, axis=0)], np.append(counts, counts.sum())
-        with np.errstate(invalid="ignore"):  # a run of which no row counts
-            return np.asarray(np.sqrt(np.array(squares) / counts[:, None]))
+        return np.vstack([*(_rmse([run]) for run in self.runs), _rmse(self.runs)])
+
+    def unseen(self) -> tuple[tuple[str, ...], Array]:
+        """Return the runs that no model was fitted to, and the RMSE over these, (models,)."""
+        runs = [run for run in self.runs if FITTED not in run.kinds and run.counts.any()]
+        return tuple(run.log.name for run in runs), _rmse(runs)
 
     def kinds(self) -> list[tuple[str, ...]]:
         """Return what the errors are, as `errors`; over all runs "fitted" where one run is."""
@@ -119,6 +120,13 @@ class ModelComparison(Rendered):
     def plot(self) -> Figure:
         """Return a figure: measured and all models over time, residuals over load and velocity."""
         return render("models", "figure", self)
+
+
+def _rmse(runs: Sequence[ModelRun]) -> Array:
+    """RMSE of each model, (models,), over the rows of runs that count; NaN where there is none."""
+    squares = sum(np.sum(run.residuals[:, run.counts] ** 2, axis=1) for run in runs)
+    count = sum(int(run.counts.sum()) for run in runs)
+    return np.asarray(np.sqrt(squares / count if count else np.nan * squares))
 
 
 def compare_models(
@@ -281,13 +289,14 @@ def _left_out(runs: Sequence[ModelRun]) -> list[str]:
 
 
 def _fitted(names: Sequence[str], runs: Sequence[ModelRun]) -> list[str]:
-    found = []
+    alike: dict[tuple[str, ...], list[str]] = {}
     for at, name in enumerate(names):
-        own = [run.log.name for run in runs if run.kinds[at] == FITTED]
-        if own:
-            found.append(
-                f"'{name}' was fitted to {listed(own, 3)}: its error there is too low to be "
-                "compared, and marked with †; held-out errors are those of a fit itself, at its "
-                "own low pass."
-            )
-    return found
+        own = tuple(run.log.name for run in runs if run.kinds[at] == FITTED)
+        alike.setdefault(own, []).append(f"'{name}'")
+    return [
+        f"{listed(which)} {'was' if len(which) == 1 else 'were'} fitted to {listed(own, 3)}: "
+        "errors there are too low to be compared, and marked with †; held-out errors are those of "
+        "a fit itself, at its own low pass."
+        for own, which in alike.items()
+        if own
+    ]

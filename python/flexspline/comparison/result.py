@@ -7,7 +7,7 @@ sentences state where measurement and model disagree most, not why: they name no
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -48,6 +48,7 @@ __all__ = [
     "Remembered",
     "assembled",
     "floor_sentence",
+    "legible",
     "ranked",
     "sentences",
     "sized",
@@ -304,7 +305,7 @@ def _remembered(compared: Compared, made: Analysis) -> Remembered:
 def sentences(made: Comparison) -> tuple[str, str]:
     """Return the size of the gap beside the floor, and where the gap is."""
     whole, what = made.overall, made.what.replace("_", " ")
-    size = sized(whole.rmse, whole.noise_floor)
+    size = legible(whole.rmse, whole.noise_floor)
     floor = sized(whole.noise_floor, whole.noise_floor)
     kind = "simulated" if made.simulated or made.foreign else "predicted"
     of = f"between measured and {kind} {what}"
@@ -358,6 +359,11 @@ def sized(value: float, beside: float) -> str:
     return f"{round(value, shown) + 0.0:.{shown}f}"  # no −0.00
 
 
+def legible(value: float, beside: float) -> str:
+    """Return a value with two digits of another, or with four of its own where these are fewer."""
+    return sized(value, max(beside, 0.01 * abs(value)))
+
+
 def _where(made: Comparison) -> str:
     total = sum(f.gain for f in made.follows)
     told = [f for f in made.follows if f.gain >= WORTH_SAYING * total][:MOST]
@@ -395,10 +401,10 @@ def _verb(made: Comparison, f: Follows) -> str:
         sizes = _and([sized(peak.amplitude, peak.amplitude) for peak in each])
         return f"turns with the joint, {orders} times per output turn ({sizes} {unit})"
     if f.name == "offset":
-        return f"is shifted everywhere by {f.place.means[0]:+.{_decimals(floor)}f} {unit}"
+        return f"is shifted everywhere by {_signed(f.place.means[0], floor)} {unit}"
     if f.name == "direction":
         pairs = zip(f.place.kinds, f.place.means, strict=True)
-        each_way = listed(f"{kind} {mean:+.{_decimals(floor)}f} {unit}" for kind, mean in pairs)
+        each_way = listed(f"{kind} {_signed(mean, floor)} {unit}" for kind, mean in pairs)
         return f"changes with the direction ({each_way})"
     return f"changes with the {f.words} over its whole range"
 
@@ -409,9 +415,14 @@ def _largest(made: Comparison, f: Follows) -> Place:
     A mean that several things share may be largest elsewhere than the gap itself.
     """
     assert f.place is not None
-    worst = worst_band(made.by[f.name])
-    if not worst.significant or _holds(f.place, worst):
+    bands = made.by[f.name]
+    worst = worst_band(bands)
+    large = [band for band in bands if band.excess >= made.overall.excess]
+    ends = tuple(e for e in f.place.bands if any(_within(band, e) for band in large))
+    if not worst.significant:
         return f.place
+    if _holds(f.place, worst):
+        return replace(f.place, bands=ends or f.place.bands)
     if f.place.kinds:
         return Place((), (), False, (worst.label,), (worst.bias,), False)
     return Place(((worst.lower, worst.upper),), (), False, (), (), False)
@@ -421,9 +432,13 @@ def _holds(place: Place, band: Band) -> bool:
     """Whether a band is one of a place, or within one."""
     if place.kinds:
         return band.label in place.kinds
+    return any(_within(band, ends) for ends in place.bands)
+
+
+def _within(band: Band, ends: tuple[float | None, float | None]) -> bool:
+    low, high = _closed(*ends)
     lower, upper = _closed(band.lower, band.upper)
-    ends = [_closed(*each) for each in place.bands]
-    return any(low <= lower and upper <= high for low, high in ends)
+    return low <= lower and upper <= high
 
 
 def _closed(low: float | None, high: float | None) -> tuple[float, float]:
@@ -455,8 +470,8 @@ def _band(low: float | None, high: float | None, name: str, unit: str, before: s
     return f"{before}from {' to '.join(told_apart([low, high]))} {unit}"
 
 
-def _decimals(size: float) -> int:
-    return max(0, min(6, 1 - int(np.floor(np.log10(size))))) if size > 0.0 else 3
+def _signed(value: float, floor: float) -> str:
+    return ("+" if value >= 0.0 else "") + legible(value, floor).replace("-", "−")
 
 
 def _and(words: Sequence[str], last: str = "and") -> str:

@@ -8,16 +8,16 @@ the remaining residual e, cell by cell:
     t_j = max(|m_j| − a_j, 0) / error_j,   a_j what the velocity's noise may shift it by
     chance = 1 − (1 − p_min)^cells           gain = Σ n_j (m_j² − error_j² − a_j²) / N
 
-The largest gain wins (of near equals the simplest), all winners are fitted together, and the next
-round starts, until no chance is below α / covariates or no gain matters. Noise alone, whatever
-its colour, ends in the first round. Orders are looked for in the residual, and again in what
-remains once it follows something else.
+The largest gain wins (of near equals the simplest), all winners are fitted together as curves that
+are continuous across bands (`curves.py`), and the next round starts, until no chance is below
+α / covariates or no gain matters. Noise alone, whatever its colour, ends in the first round. Orders
+are looked for in the residual, and again in what remains once it follows something else.
 
 The noise model must be fitted to a residual that neither holds the structure that is searched for
 (it would pass for autocorrelation) nor lacks the noise that a fit absorbs (the autocorrelation
-would be too short). So cells are learned on seven eighths of each run, in short blocks, and
-subtracted from the rest, one covariate after the other, as long as that reduces the residual of the
-held-out rows. Cells that hold nothing but noise increase it and are not used.
+would be too short). So cells and curves are learned on seven eighths of each run, in short blocks,
+and subtracted from the rest, one covariate after the other, as long as that reduces the residual of
+the held-out rows. Cells that hold nothing but noise increase it and are not used.
 
 Each band of each covariate has an RMSE and a noise floor. In band k with residual r, and e what
 remains when everything that it depends on is taken out:
@@ -50,6 +50,7 @@ from flexspline.comparison.covariates import (
     memory_of,
     turning_of,
 )
+from flexspline.comparison.curves import DEGREE, JUMP, Curves
 from flexspline.comparison.runs import Compared, Rows, rows_of
 from flexspline.logs.segments import median_step
 
@@ -140,8 +141,8 @@ class Step:
 
     `covariate` None: orders of what turns, by `turning`. `gain`: mean square explained.
     `chance`: that noise alone does so. `also`: names of what would do nearly as well.
-    `fitted`: (cells,) of a covariate, or (N,) of orders; `lost`: sum of squares of noise that
-    it swallows.
+    `fitted`: (cells,) means of a covariate, or (N,) of orders; `lost`: sum of squares of noise that
+    it swallows. `curve`: (cells, 4) of what is subtracted, or (cells, 1) where these are means.
     """
 
     name: str
@@ -152,6 +153,7 @@ class Step:
     also: tuple[str, ...]
     fitted: Array
     lost: float
+    curve: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +183,7 @@ class CellTests:
     def __init__(self, rows: Rows, memory: Memory) -> None:
         self.rows, self.memory = rows, memory
         self.known: dict[str, tuple[Array, Array, Array]] = {}
+        self.powers: dict[str, Array] = {}
 
     def __call__(self, covariate: Covariate, rest: Array) -> CellTest:
         count, tau, allowed = self._kept(covariate)
@@ -208,6 +211,47 @@ class CellTests:
         else:
             made = np.bincount(cells + 1, weights=values, minlength=covariate.count + 1)[1:]
         return np.asarray(made, dtype=np.float64)
+
+    def curve(self, covariate: Covariate, rest: Array, powers: int | None = None) -> Array:
+        """What is subtracted of `rest` (N,): a curve (cells, 4), or means (cells, 1).
+
+        `powers`: 4 or 1 as it was; None: means only where a jump lies on an edge.
+        """
+        inside = np.maximum(self._kept(covariate)[0], 1.0)
+        means = (self.sum(covariate, rest) / inside)[:, None]
+        curves = covariate.curves
+        if curves is None or powers == 1:
+            return means
+        made = curves.fitted(self._ones(covariate, curves), curves.sums(rest, DEGREE + 1)[0])
+        if powers is not None:
+            return made
+        left = [rest - curves.values(each) for each in (means, made)]
+        least, smooth = (float(each @ each) for each in left)
+        return means if least < (1.0 - JUMP) * smooth else made
+
+    def means(self, covariate: Covariate, curve: Array) -> Array:
+        """Mean of a curve over the rows of each cell, (cells,)."""
+        if covariate.curves is None or curve.shape[1] == 1:
+            return curve[:, 0]
+        ones = self._ones(covariate, covariate.curves)
+        total = (ones[:, : curve.shape[1]] * curve).sum(axis=1)
+        return np.asarray(total / np.maximum(ones[:, 0], 1.0))
+
+    def swallowed(self, covariate: Covariate, curve: Array, rest: Array) -> float:
+        """Sum of squares of noise that a curve takes off, by what it leaves, (N,)."""
+        made = self(covariate, rest)
+        most = float(rest @ rest) / len(rest)
+        lost = float((made.rows * np.minimum(made.error**2, most)).sum())
+        if covariate.curves is None or curve.shape[1] == 1:
+            return lost
+        bands = np.count_nonzero(made.rows[covariate.curves.lines], axis=1)
+        return lost * (1.0 + DEGREE * np.count_nonzero(bands) / max(int(bands.sum()), 1))
+
+    def _ones(self, covariate: Covariate, curves: Curves) -> Array:
+        if covariate.name not in self.powers:
+            made = curves.sums(np.ones(len(self.rows)), 2 * DEGREE + 1)[0]
+            self.powers[covariate.name] = made
+        return self.powers[covariate.name]
 
     def _kept(self, covariate: Covariate) -> tuple[Array, Array, Array]:
         if covariate.name not in self.known:
@@ -260,9 +304,13 @@ def search(
         else:
             covariate = next(c for c in free if c.name == name)
             made = tests[name]
-            lost = float((made.rows * np.minimum(made.error, np.sqrt(gap)) ** 2).sum())
-            step = Step(name, covariate, None, gain, chance, also, made.mean, lost)
-        steps, rest = _together([*steps, step], rows.residual, test)
+            curve = test.curve(covariate, rest)
+            step = Step(name, covariate, None, gain, chance, also, made.mean, 0.0, curve)
+        steps, after = _together([*steps, step], rows.residual, test)
+        more = left - (float(after @ after) + steps[-1].lost) / len(rest)
+        if steps[-1].curve is not None and steps[-1].curve.shape[1] > 1:  # takes more than means do
+            steps[-1] = replace(steps[-1], gain=max(gain, more))
+        rest = after
     return Search(tuple(steps), rest, chances)
 
 
@@ -312,22 +360,30 @@ def _together(steps: list[Step], residual: Array, test: CellTests) -> tuple[list
     rest = residual - np.sum([_values(step) for step in steps], axis=0)
     for _ in range(SWEEPS if len(steps) > 1 else 0):
         for number, step in enumerate(steps):
-            if step.covariate is None:
+            if step.covariate is None or step.curve is None:
                 continue
-            inside = np.maximum(test.sum(step.covariate, np.ones(len(rest))), 1.0)
-            change = test.sum(step.covariate, rest) / inside
-            steps[number] = replace(step, fitted=step.fitted + change)
+            change = test.curve(step.covariate, rest, step.curve.shape[1])
             rest = rest - _of_cells(step.covariate, change)
+            steps[number] = replace(step, curve=step.curve + change)
+    for number, step in enumerate(steps):
+        if step.covariate is not None and step.curve is not None:
+            means = test.means(step.covariate, step.curve)
+            lost = test.swallowed(step.covariate, step.curve, rest)
+            steps[number] = replace(step, fitted=means, lost=lost)
     return steps, rest
 
 
 def _values(step: Step) -> Array:
-    return step.fitted if step.covariate is None else _of_cells(step.covariate, step.fitted)
+    if step.covariate is None or step.curve is None:
+        return step.fitted
+    return _of_cells(step.covariate, step.curve)
 
 
-def _of_cells(covariate: Covariate, per_cell: Array) -> Array:
-    """Each row's value of its cell, 0 for rows without one."""
-    return np.append(per_cell, 0.0)[covariate.cells]
+def _of_cells(covariate: Covariate, curve: Array) -> Array:
+    """Each row's value on the curve of its cell, 0 for rows without one."""
+    if covariate.curves is not None:
+        return covariate.curves.values(curve)
+    return np.append(curve[:, 0], 0.0)[covariate.cells]
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,9 +435,13 @@ def held_out_rest(rows: Rows, covariates: Sequence[Covariate], turning: Turning)
     fold, rest = _folds(rows.run[at]), rows.residual[at]
     turning = replace(turning, angle=turning.angle[at], direction=turning.direction[at])
     cells = [(covariate.cells[at], covariate.count) for covariate in covariates]
+    curves = [_FoldCurves(replace(each.curves, cells=each.curves.cells[at],
+                                  along=each.curves.along[at]), fold)
+              for each in covariates if each.curves is not None]  # fmt: skip
     for _ in range(MOST_ROUNDS):
         left = float(rest @ rest)
         tries = [_without(rest, *each, fold) for each in cells]
+        tries += [each.without(rest) for each in curves]
         if turning.found:
             tries.append(rest - turning.explained(rest)[0])
         best = min(tries, key=lambda made: float(made @ made))
@@ -409,6 +469,29 @@ def _without(rest: Array, cells: NDArray[np.integer], last: int, fold: NDArray[n
     others = (total.sum(axis=0) - total) / np.maximum(count.sum(axis=0) - count, 1)
     others[:, -1] = 0.0
     return np.asarray(rest - others.ravel()[both])
+
+
+class _FoldCurves:
+    """Curves that each fold is predicted by, learned on the others."""
+
+    def __init__(self, curves: Curves, fold: NDArray[np.int64]) -> None:
+        self.curves, self.fold = curves, fold
+        self.ones = self._others(np.ones(len(fold)), 2 * DEGREE + 1)
+
+    def without(self, rest: Array) -> Array:
+        """Take off each row the curve of the other folds."""
+        moments = self._others(rest, DEGREE + 1)
+        made = rest.copy()
+        for number, sums in enumerate(zip(self.ones, moments, strict=True)):
+            held = self.fold == number
+            there = replace(self.curves, cells=self.curves.cells[held],
+                            along=self.curves.along[held])  # fmt: skip
+            made[held] -= there.values(self.curves.fitted(*sums))
+        return made
+
+    def _others(self, values: Array, powers: int) -> Array:
+        each = self.curves.sums(values, powers, self.fold)
+        return np.asarray(each.sum(axis=0) - each)
 
 
 @dataclass(frozen=True)
@@ -523,9 +606,13 @@ def bands_of(
 
 
 def worst_band(bands: Sequence[Band]) -> Band:
-    """Return the band with the largest excess, of those with enough rows to tell."""
+    """Return the band with the largest significant excess.
+
+    Where none is significant: with the largest RMSE, of those with enough rows to tell.
+    """
+    sure = [band for band in bands if band.significant]
     known = [band for band in bands if band.effective_rows >= LEAST_EFFECTIVE] or list(bands)
-    return max(known, key=lambda band: (band.significant, band.excess, band.rmse))
+    return max(sure, key=lambda band: band.excess) if sure else max(known, key=lambda b: b.rmse)
 
 
 def peaks_of(turning: Turning) -> list[OrderPeak]:

@@ -542,7 +542,7 @@ def _facts(problem: Problem) -> dict[str, Any]:
 
 def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
     said = []
-    if not uncertainty.reliable:
+    if not uncertainty.reliable and uncertainty.noise.parameters:
         said.append(uncertainty.statement)
     for name, side in made.searched.at_bound.items():
         if side:

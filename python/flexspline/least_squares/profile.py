@@ -58,6 +58,8 @@ STANDS = 1e-3  # of the Wald distance, to which an end is found
 LOWER = 1e-3  # of a statistic, by which another minimum must be lower to be said
 FINE = 0.05  # Wald distances, to which the bottom of another valley is found
 NEAR = 6.0  # Wald distances, between which a profile is filled with points
+HOW_TO = {"fixed": "free it", "not determined": "fit runs that determine it"}
+KNOWN = 100.0  # degrees of freedom, from which a region is that of the normal distribution
 MOST = 1e6  # of a statistic: where a load does not settle
 
 
@@ -129,6 +131,7 @@ class Contour:
     level : of the region, both together.
     points : (K, 2), around the region; NaN in a direction in which it does not end within bounds.
     notes : sentences: what does not close.
+    freedom : degrees of freedom of the errors; the region is that of Fisher's F with two and these.
     """
 
     names: tuple[str, str]
@@ -137,6 +140,18 @@ class Contour:
     level: float
     points: Array
     notes: tuple[str, ...]
+    freedom: float = float("inf")
+
+    @property
+    def by(self) -> str:
+        """How its size follows from the level, in words; "" where the errors are well known."""
+        if self.freedom >= KNOWN:
+            return ""
+        reach = (2.0 * float(fisher.ppf(self.level, 2, self.freedom))) ** 0.5
+        return (
+            f"by F with {self.freedom:.2g} degrees of freedom, so that it reaches {reach:.1f} "
+            "standard errors"
+        )
 
     @property
     def closed(self) -> bool:
@@ -151,7 +166,8 @@ class Contour:
 
     def __str__(self) -> str:
         both = listed(short_names(name) for name in self.names).replace(", ", " and ")
-        first = f"Region of {both} around the estimate ({100 * self.level:g} %, both together)"
+        how = f"{100 * self.level:g} %, both together" + (f", {self.by}" if self.by else "")
+        first = f"Region of {both} around the estimate ({how})"
         if not np.isfinite(self.points).any():
             return " ".join([f"{first}: it ends nowhere within bounds.", *self.notes])
         low, high = np.nanmin(self.points, axis=0), np.nanmax(self.points, axis=0)
@@ -225,7 +241,7 @@ def contour_of(fit: Fit, names: tuple[str, str], level: float, points: int) -> C
             "up to the bounds.",
         )
     both = ((one.unit, other.unit), (one.value, other.value))
-    return Contour((one.name, other.name), *both, level, found, tuple(notes))
+    return Contour((one.name, other.name), *both, level, found, tuple(notes), float(freedom))
 
 
 class _Search:
@@ -272,9 +288,10 @@ class _Search:
         for p in parameters:
             open_shape = p.kind == "shape" and np.isfinite(p.standard_error)
             if not p.standard_error > 0.0 or not (p.determined or open_shape):
+                what = HOW_TO.get(p.state, "widen its bound")
                 raise InputError(
                     f"{p.name} is {p.state}: there is no error that its profile could be scaled "
-                    "by; free it, or fit runs that determine it"
+                    f"by; {what}"
                 )
             if not np.isfinite(p.interval).all():
                 raise InputError(

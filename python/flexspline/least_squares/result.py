@@ -5,7 +5,7 @@ Effects that are indistinguishable contribute only as their sum.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, overload
@@ -29,6 +29,8 @@ from flexspline.logs.read import LogLike
 from flexspline.model import Model, Part, Prediction, Predictions
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     import pandas
 
     from flexspline.least_squares.estimate import Estimate
@@ -348,6 +350,23 @@ class Fit(Rendered):
         To be compared, and refused, as `aic`.
         """
         return self.likelihood.bic
+
+    def report(
+        self,
+        path: str | PathLike[str],
+        *,
+        beside: Sequence[Profile | Contour] = (),
+        refused: Sequence[str] = (),
+    ) -> None:
+        """Write a self-contained HTML report, whole or not at all.
+
+        Parameters
+        ----------
+        path : of the page.
+        beside : profiles and regions of the parameters, to be shown with the fit.
+        refused : why there is none of what was asked for, a sentence each.
+        """
+        render("fit", "report", self, path, beside, refused)
 
     def profile(self, name: str, level: float = 0.95, *, points: int = 20) -> Profile:
         """Return how the squares rise around a parameter, and the interval that follows.

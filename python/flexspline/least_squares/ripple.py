@@ -135,7 +135,8 @@ def _analysed(base: list[Effect], problem: Problem) -> OrderAnalysis:
         np.where(counts_of(run), residual, np.nan)
         for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
     ]
-    found = find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target])
+    found = find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target],
+                        channel=f"residual of {problem.target.replace('_', ' ')}")  # fmt: skip
     return _of_the_gear(found) if problem.target == "torsion" else found
 
 
@@ -250,8 +251,9 @@ def _empty(found: OrderAnalysis, name: str) -> str:
     if not seen:
         return f"no order of {name} stands out of the noise: it is left out"
     return (
-        f"orders {', '.join(seen)} per output turn of {name} stand out, but none with an amplitude "
-        "and phase that hold over all runs: it is left out"
+        f"orders {', '.join(seen)} per output turn of {name} stand out of the noise around them, "
+        "but the fit, whose errors count all that the other effects leave, tells none of them from "
+        "zero: it is left out; add effects that explain more, or give its orders"
     )
 
 

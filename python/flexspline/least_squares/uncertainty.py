@@ -146,7 +146,10 @@ class Uncertainty:
             have += ", for what swings averages out more than independent noise does"
         have += ")"
         count, least = self.noise.parameters, self.shortest_length
-        need = f"{count} parameters in this noise need {least} samples"
+        if not count:
+            return "No coefficient was fitted, so that there is no error of one."
+        several = "parameter in this noise needs" if count == 1 else "parameters in this noise need"
+        need = f"{count} {several} {least} samples"
         if self.reliable:
             return f"Intervals hold: {need}, there are {have}."
         return f"Intervals are rough: {need}, there are {have}; record longer logs."

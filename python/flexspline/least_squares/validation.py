@@ -49,7 +49,7 @@ from flexspline.least_squares.linear import LinearFit, fit_linear
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.shapes import filtered_pieces
 from flexspline.logs.log import Log
-from flexspline.logs.segments import near_reversal, standstill
+from flexspline.logs.segments import near_reversal, output_velocity, standstill
 
 __all__ = [
     "Score",
@@ -397,11 +397,10 @@ def groups(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, s
 
 def _by_motion(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
     still = _masks(logs, counts, standstill)
-    if all("output_velocity" in log for log in logs):
-        velocity = _channel(logs, counts, "output_velocity")
-        yield "direction", "forward", ~still & (velocity > 0)
-        yield "direction", "backward", ~still & (velocity < 0)
-        yield from bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
+    velocity = _joined([output_velocity(log)[c] for log, c in zip(logs, counts, strict=True)])
+    yield "direction", "forward", ~still & (velocity > 0)
+    yield "direction", "backward", ~still & (velocity < 0)
+    yield from bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
     yield "direction", "standstill", still
     near = _masks(logs, counts, lambda log: near_reversal(log, REVERSAL_SECONDS))
     yield "reversals", f"within ±{REVERSAL_SECONDS:g} s of a reversal", near

@@ -308,7 +308,8 @@ def require_bandwidth(bandwidth: float, rate: float, what: str) -> None:
     number(bandwidth, f"{what}: bandwidth", "Hz")
     if not NARROWEST * rate < bandwidth <= WIDEST * rate:
         least = "0" if bandwidth <= 0 else f"{NARROWEST * rate:.4g} Hz"
+        above = "" if bandwidth > WIDEST * rate else f"above {least} and "
         raise InputError(
             f"{what}: a bandwidth of {bandwidth:.4g} Hz does not suit a rate of {rate:.4g} Hz; "
-            f"choose one above {least} and up to {WIDEST * rate:.4g} Hz (a quarter of the rate)."
+            f"choose one {above}up to {WIDEST * rate:.4g} Hz (a quarter of the rate)."
         )

@@ -113,6 +113,7 @@ _TABLE = [
     "slowest [rad/s]",
     "fastest [rad/s]",
 ]
+SHOWN = 2.0  # standard errors of the steady part, from which its phase is told
 _LEFT = {3, 4, 5, 6, 9, 10}  # columns of words and of sizes with their errors
 
 
@@ -328,7 +329,7 @@ class OrderAnalysis:
         low, high = self.scanned
         count = f"{len(self.found) or 'no'} order{'' if len(self.found) == 1 else 's'}"
         return (
-            f"{self.channel} [{self.unit or '1'}]: {count} found between {low:.3g} and "
+            f"{_measured(self.channel, self.unit)}: {count} found between {low:.3g} and "
             f"{high:.6g} per output turn in {self.runs} run{'' if self.runs == 1 else 's'} "
             f"(noise alone names one in {self.false_alarm:.2g} of cases at most)"
         )
@@ -383,7 +384,7 @@ class OrderAnalysis:
                 f.label,
                 _rounded(f.steady, f.steady_error, self.unit),
                 _size(f.spread, f.steady_error, self.unit) if f.spread != 0.0 else "none seen",
-                f"{f.phase:+.2f} ± {f.steady_phase_error:.2f} rad",
+                _phase(f),
                 f"{f.snr:.1f}",
                 _chance(f.chance),
                 f.effect or "–",
@@ -415,6 +416,17 @@ def _hertz(found: Sequence[FoundOrder]) -> str:
     return f": {each}" if found else ""
 
 
+def _phase(found: FoundOrder) -> str:
+    """The phase of the steady part, "–" where its error does not tell that from zero."""
+    if not found.steady > SHOWN * found.steady_error:
+        return "–"
+    return f"{found.phase:+.2f} ± {found.steady_phase_error:.2f} rad"
+
+
+def _measured(what: str, unit: str) -> str:
+    return f"{what} [{unit}]" if unit else what
+
+
 def _joined(labels: Sequence[str]) -> list[str]:
     """Labels such as "output, 7 per turn", the orders of one pair joined: "output, 7, 9 per turn".
 
@@ -433,7 +445,7 @@ def _decimals(step: float) -> int:
 
 
 def _chance(chance: float) -> str:
-    return f"{max(chance, 1e-99):.0e}"
+    return f"{chance:.0e}" if chance >= 1e-99 else "below 1e-99"
 
 
 def _size(value: float, error: float, unit: str) -> str:

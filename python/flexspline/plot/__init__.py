@@ -44,6 +44,7 @@ from flexspline.plot.canvas import (
     panelled,
     part_of,
     plain,
+    short_labels,
     spread_evenly,
     titled,
 )
@@ -95,6 +96,7 @@ Array = NDArray[np.float64]
 _WORDS = {"output_position": "output angle", "motor_position": "motor angle"}
 
 REFERENCE = "reference_torque"
+BOTH_WAYS = 0.1  # of the rows go each way, from which both have a median of their own
 
 LOOSE = 0.5  # a band wider than this part of the median's range hides the median
 STYLES = ("-", "--", ":")
@@ -227,13 +229,25 @@ def _residual_over_channel(fit: Fit, channel: str, ax: Axes) -> None:
     ax.fill_between(
         bands.centre, bands.low, bands.high, color=GREY, alpha=0.25, linewidth=0, label="90 %"
     )
-    ax.plot(
-        bands.centre, bands.median, ".-", color=INK, linewidth=1.6, markersize=2, label="median"
-    )
+    for label, line, rows in _ways(fit, channel):
+        some = banded(whole[rows], residual[rows])
+        ax.plot(some.centre, some.median, line, color=INK, linewidth=1.6, markersize=2, label=label)
     words = channel_label(channel)
     ax.set_xlabel(words.replace(" [", " within a turn [") if wrapped else words)
     low, high = np.nanpercentile(y, [0.1, 99.9])
     ax.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
+
+
+def _ways(fit: Fit, channel: str) -> list[tuple[str, str, NDArray[np.bool_]]]:
+    """Label, line and rows (n,) of each median: by direction, where one would leap between two."""
+    every = np.ones(sum(int(run.counts.sum()) for run in fit.runs), dtype=bool)
+    plain_one = [("median", ".-", every)]
+    if channel == "output_velocity" or not has_channel(fit, "output_velocity"):
+        return plain_one
+    speed = np.concatenate([_column(run, "output_velocity", False)[run.counts] for run in fit.runs])
+    ways = [("median forward", ".-", speed > 0.0), ("median backward", ".--", speed < 0.0)]
+    both = min(int(rows.sum()) for _, _, rows in ways) > BOTH_WAYS * len(speed)
+    return ways if both else plain_one
 
 
 def _column(run: FittedRun, channel: str, wrapped: bool) -> Array:
@@ -270,8 +284,9 @@ def _points(fit: Fit, columns: list[Array], what: str) -> tuple[Array, Array, ND
 
 def _name_runs(fit: Fit, ax: Axes) -> None:
     if 1 < len(fit.runs) <= MOST_COLOURED_RUNS:
-        for run, colour in zip(fit.runs, colours_of_runs(len(fit.runs)), strict=True):
-            ax.plot([], [], "o", color=colour, markersize=4, label=plain(run.log.name))
+        names = short_labels([run.log.name for run in fit.runs])
+        for name, colour in zip(names, colours_of_runs(len(fit.runs)), strict=True):
+            ax.plot([], [], "o", color=colour, markersize=4, label=plain(name))
 
 
 def components(
@@ -564,7 +579,7 @@ def draw_contour(made: Contour, ax: Axes | None = None) -> Axes:
     """Draw the region of two parameters; it is open where it does not end within bounds."""
     ax = axes_or_new(ax)
     around = np.vstack([made.points, made.points[:1]])
-    label = f"{percent(made.level)}, both together"
+    label = f"{percent(made.level)}, both together{', by F' if made.by else ''}"
     ax.plot(*around.T, ".-", color=PALETTE[0], markersize=3, label=label)
     ax.plot(*made.values, "+", color=INK, markersize=8, label="as fitted")
     one, other = (f"{short_names(n)} [{u}]" for n, u in zip(made.names, made.units, strict=True))

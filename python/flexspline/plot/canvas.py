@@ -8,6 +8,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any, Literal
 
 import matplotlib
@@ -50,6 +51,7 @@ __all__ = [
     "panelled",
     "part_of",
     "plain",
+    "short_labels",
     "spread_evenly",
     "titled",
 ]
@@ -204,6 +206,45 @@ def finished(ax: Axes, title: str) -> Axes:
     titled(ax, title)
     legend(ax)
     return ax
+
+
+def short_labels(labels: Sequence[str], longest: int = 12) -> list[str]:
+    """Return names short enough to stand side by side, and different where these are.
+
+    Without what all begin or end with alike, words and numbers kept whole; or cut at an end; or
+    their numbers in the order of the labels.
+    """
+    if len(labels) < 2 or max(map(len, labels)) <= longest:
+        return list(labels)
+    first = _alike(labels, _word)
+    last = _alike([label[first:][::-1] for label in labels], _kind)
+    bare = [label[first : len(label) - last] for label in labels]
+    tries = [
+        ["…" * (first > 0) + label for label in bare],
+        ["…" + label[1 - longest :] if len(label) > longest else label for label in labels],
+        [label[: longest - 1] + "…" if len(label) > longest else label for label in labels],
+    ]
+    fit = (t for t in tries if len(set(t)) == len(labels) and max(map(len, t)) <= longest)
+    return next(fit, [str(number) for number in range(1, len(labels) + 1)])
+
+
+def _alike(labels: Sequence[str], kind: Callable[[str], int]) -> int:
+    """How many characters all labels begin with, up to where a word or a number ends."""
+    count = sum(1 for _ in takewhile(lambda c: len(set(c)) == 1, zip(*labels, strict=False)))
+    while count and any(
+        kind(one[count - 1 : count]) == kind(one[count : count + 1]) != 0 for one in labels
+    ):
+        count -= 1
+    return count
+
+
+def _word(letter: str) -> int:
+    return min(_kind(letter), 1)
+
+
+def _kind(letter: str) -> int:
+    """1 of a letter, 2 of what numbers are made of, 0 of what stands between, or of nothing."""
+    return 1 if letter.isalpha() else 2 if letter.isdigit() or letter == "." else 0
 
 
 def _room(ax: Axes) -> float:

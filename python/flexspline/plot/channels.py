@@ -37,6 +37,7 @@ COLOURS = {"error": PALETTE[3], "fault": PALETTE[1], "note": GREY}
 Array = NDArray[np.float64]
 WHOLE = 0.98  # share of the run from which a finding is of the channel and not of a place in it
 EVERYWHERE = ("time", "all")  # channels of findings that concern every channel
+SPARSE = 0.5  # of the rows between the first and the last: fewer found rows are single ones
 MOST_NAMED = 3
 NARROWEST = 0.003  # of the axis' width, that a single row is seen
 GAP, GAP_COLOUR = "no samples", PALETTE[4]
@@ -71,12 +72,11 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
         axes[k].set_xlabel("")
         axes[k].tick_params(labelbottom=k == len(shown) - 1)
     of_all = [_said(f) for f in findings or () if f.channel in EVERYWHERE]
-    axes[-1].set_xlabel(": ".join([_clock(log)[1], *([" · ".join(of_all)] if of_all else [])]))
+    axes[-1].set_xlabel(_clock(log)[1])
     said = "channels" if findings is None else str(findings).partition("\n")[0].split(": ")[-1]
     figure.align_ylabels(axes)
-    figure.suptitle(
-        f"{log.name}: {said}", x=0.01, ha="left", fontsize=TITLE, color=INK, parse_math=False
-    )
+    head = [f"{log.name}: {said}", *([" · ".join(of_all)] if of_all else [])]
+    figure.suptitle("\n".join(head), x=0.01, ha="left", fontsize=TITLE, color=INK, parse_math=False)
     if excited:
         effects_excited(excited, figure.add_subplot(grid[-1]))
     gaps = _gaps(log, findings or ())
@@ -173,6 +173,8 @@ def _shade(ax: Axes, clock: Array, finding: Finding) -> None:
     first, last = (min(max(row, 0), len(clock)) for row in finding.rows)
     if last <= first or last - first >= WHOLE * len(clock):
         return
+    if finding.unit == "rows" and finding.size < SPARSE * (last - first):
+        return  # single rows here and there: shaded, all between them would seem wrong
     left, right = clock[first], clock[last - 1]
     least = NARROWEST * float(clock[-1] - clock[0])
     if right - left < least:

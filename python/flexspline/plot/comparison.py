@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +34,7 @@ from flexspline.plot.canvas import (
     outline,
     part_of,
     plain,
+    short_labels,
     titled,
 )
 from flexspline.plot.orders import FIRST
@@ -64,7 +64,7 @@ TALLER = 2.0  # times the largest RMS before, up to which that after is drawn
 FEW = 0.02  # of all rows: a band of fewer is hatched
 MOST_TICKS = 7
 MOST_NAMES = 6
-LONGEST_NAME = 12
+MOST_LETTERS = 36  # of all names below an axis
 ORDERS_OF_A_PAIR = (0.5, 13.0)  # from below its first; what is lower stands in that of the output
 _BINS = 600
 
@@ -244,8 +244,9 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
     """Ticks: edges of bands, or names of kinds."""
     kinds = all(band.lower is None and band.upper is None for band in bands)
     if kinds:
-        every = -(-len(bands) // MOST_NAMES)
-        shown = _short([b.label for b in bands])
+        shown = short_labels([b.label for b in bands])
+        room = min(MOST_NAMES, MOST_LETTERS // max(map(len, shown)))
+        every = -(-len(bands) // room)
         at = np.arange(0, len(bands), every)
         ax.set_xticks(at + 0.5, [shown[k].replace("$", r"\$") for k in at])
         ax.set_xlabel(made.words[name])
@@ -263,19 +264,6 @@ def _marked_few(ax: Axes, made: Comparison, bands: list[Band]) -> None:
         if band.rows < FEW * made.overall.rows:
             ax.axvspan(k, k + 1, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0.0,
                        alpha=0.4, zorder=0.5)  # fmt: skip
-
-
-def _short(labels: list[str]) -> list[str]:
-    """Labels that fit side by side: without what they begin with alike, or cut at an end."""
-    cut = LONGEST_NAME - 1
-    alike = sum(1 for _ in takewhile(lambda c: len(set(c)) == 1, zip(*labels, strict=False)))
-    rest = ["…" + label[alike:] for label in labels]
-    if alike and max(map(len, labels)) > LONGEST_NAME >= max(map(len, rest)):
-        return rest
-    ends = ["…" + label[-cut:] if len(label) > LONGEST_NAME else label for label in labels]
-    if len(set(ends)) == len(labels):
-        return ends
-    return [label if len(label) <= LONGEST_NAME else label[:cut] + "…" for label in labels]
 
 
 def _title(made: Comparison, name: str, words: str) -> str:

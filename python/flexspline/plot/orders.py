@@ -130,7 +130,8 @@ def draw_orders(made: OrderSpectrum, ax: Axes | None = None) -> Axes:
     side, other = made.pair.rsplit("_", 1) if "_" in made.pair else (made.pair, "")
     ax.set(
         xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
-        ylabel=f"amplitude of {made.channel.replace('_', ' ')} [{made.unit or '1'}]",
+        ylabel=f"amplitude of {made.channel.replace('_', ' ')}"
+        + (f" [{made.unit}]" if made.unit else ""),
         ylim=(0, None),
     )
     return ax
@@ -179,6 +180,7 @@ def draw_frequencies(made: TimeSpectrum, ax: Axes | None = None) -> Axes:
     ax.set(
         xlabel="frequency [Hz]",
         ylim=(0, None),
-        ylabel=f"amplitude of {made.channel.replace('_', ' ')} [{made.unit or '1'}]",
+        ylabel=f"amplitude of {made.channel.replace('_', ' ')}"
+        + (f" [{made.unit}]" if made.unit else ""),
     )
     return ax

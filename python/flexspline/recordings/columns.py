@@ -88,8 +88,8 @@ class Told:
 
 
 def joined(*parts: str) -> str:
-    """Return what is said of a column, without what is empty."""
-    return "; ".join(part for part in parts if part)
+    """Return what is said of a column, without what is empty or said before."""
+    return "; ".join(dict.fromkeys(part for part in parts if part))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexspline.comparison.models import FITTED
-from flexspline.comparison.result import floor_sentence, ranked, sized
+from flexspline.comparison.result import floor_sentence, legible, ranked, sized
 from flexspline.comparison.search import Band, worst_band
 from flexspline.errors import listed
 from flexspline.formatting import (
@@ -52,6 +52,7 @@ MAP = (
     "RMS of measured − modelled (line) in each band against the noise floor there (grey, with "
     "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
     "that is more than chance. All panels have the same scale; what the gap follows comes first. "
+    "Bands are drawn equally wide, whatever they span: read their ends. "
     "Hatched: fewer than 2 % of the rows."
 )
 ORDERS = (
@@ -185,9 +186,9 @@ def base_told(made: Comparison) -> list[str]:
 
 
 def worst_rows(made: Comparison) -> list[Row]:
-    """Return heading and rows: all rows, then the worst band of each covariate."""
+    """Return heading and rows: all rows, then the band of each covariate that exceeds most."""
     unit = made.unit
-    head = ("worst band of", "", "rows", f"RMSE [{unit}]", "noise floor", "excess", "bias")
+    head = ("largest excess over", "", "rows", f"RMSE [{unit}]", "noise floor", "excess", "bias")
     rows = [head, ("all rows", "", *_numbers(made.overall, made.noise_floor))]
     for name in ranked(made):
         band = worst_band(made.by[name])
@@ -237,10 +238,10 @@ def _numbers(band: Band, floor: float) -> Row:
     error = f" ± {sized(band.noise_floor_error, 0.1 * floor)}"
     return (
         str(band.rows),
-        sized(band.rmse, 0.1 * floor),
+        legible(band.rmse, 0.1 * floor),
         sized(band.noise_floor, 0.1 * floor) + error,
-        sized(band.excess, 0.1 * floor) if band.significant else "–",
-        sized(band.bias, 0.1 * floor),
+        legible(band.excess, 0.1 * floor) if band.significant else "–",
+        legible(band.bias, 0.1 * floor),
     )
 
 
@@ -255,13 +256,13 @@ def _chance(chance: float) -> str:
 def models_text(made: ModelComparison) -> str:
     """Return what `print(comparison)` shows."""
     table = rows_text(_rows(made))
-    notes = [line for sentence in _notes(made) for line in wrapped(sentence)]
+    notes = [line for sentence in [_verdict(made), *_notes(made)] for line in wrapped(sentence)]
     return "\n\n".join(["\n".join(wrapped(_title(made))), table, "\n".join(notes)])
 
 
 def models_html(made: ModelComparison) -> str:
     """Return the same as a fragment of HTML."""
-    return table_html(_title(made), _rows(made), _notes(made))
+    return table_html(_title(made), _rows(made), [_verdict(made), *_notes(made)])
 
 
 @own_style()
@@ -294,13 +295,18 @@ def write_models_report(made: ModelComparison, path: str | os.PathLike[str]) -> 
 def _verdict(made: ModelComparison) -> str:
     """Which model has the lowest error over all rows, of those whose errors can be compared."""
     errors, digits = made.errors()[-1], decimals_for(float(np.nanmin(made.errors())))
-    rivals = [k for k, kind in enumerate(made.kinds()[-1]) if kind != FITTED]
+    rivals, over = [k for k, kind in enumerate(made.kinds()[-1]) if kind != FITTED], "all rows"
     if len(rivals) < 2:
-        return "These errors say nothing of which model is better: see what kind of error each is."
+        runs, errors = made.unseen()
+        if not runs or len(made.names) < 2:
+            return (
+                "These errors say nothing of which model is better: see what kind of error each is."
+            )
+        rivals, over = [*range(len(made.names))], f"{listed(runs, 3)}, which no model was fitted to"
     ranked = sorted(rivals, key=lambda k: errors[k])
     best, rest = ranked[0], ranked[1:]
     others = listed([f"{made.names[k]} {errors[k]:.{digits}f}" for k in rest])
-    said = f"Lowest error over all rows: {made.names[best]}, {errors[best]:.{digits}f} {made.unit}"
+    said = f"Lowest error over {over}: {made.names[best]}, {errors[best]:.{digits}f} {made.unit}"
     return f"{said}; {others}."
 
 
@@ -322,11 +328,14 @@ def _rows(made: ModelComparison) -> list[tuple[str, ...]]:
     if len(labels) > MOST_RUNS:  # the worst
         worst = np.argsort(-np.nan_to_num(errors[:-1].max(axis=1)), kind="stable")[:MOST_RUNS]
         shown = sorted(worst.tolist())
-    rows = [("", *made.names), ("kind of error", *kinds[-1])]
+    alike = len(set(kinds)) == 1
+    rows = [("", *made.names), *([("kind of error", *kinds[-1])] if alike else [])]
     for at in [*shown, len(labels)]:
         label = labels[at] if at < len(labels) else "all rows"
         own = np.array([kind == FITTED for kind in kinds[at]])
         rows.append((label, *_cells(np.round(errors[at], digits), own, digits)))
+    if not alike:
+        rows.append(("kind over all rows", *kinds[-1]))
     for label, values in (("AIC", made.aic), ("BIC", made.bic)):
         if np.isfinite(values).any():
             rows.append((label, *_cells(np.round(values, 1), np.isnan(values), 1)))

@@ -355,7 +355,7 @@ def inputs_sentence(made: Discovery) -> str:
     if not ways:
         return ""
     told = listed([f"{way.channel} {way.how}" for way in ways], most=len(ways))
-    return f"Rows read {told}, zero phase: above that these channels carry noise alone."
+    return f"Rows read {told}, zero phase, −3 dB there: what tells each best beside its noise."
 
 
 def directions_sentence(made: Discovery) -> str:

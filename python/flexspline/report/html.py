@@ -53,6 +53,7 @@ from flexspline.report.text import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.least_squares.profile import Contour, Profile
     from flexspline.least_squares.result import Fit, SimulationFit
     from flexspline.logs.checks import Audits, Excited
     from flexspline.logs.log import Log
@@ -95,8 +96,18 @@ def fit_html(fit: Fit) -> str:
 
 
 @own_style()
-def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
+def write_report(
+    fit: Fit,
+    path: str | os.PathLike[str],
+    beside: Sequence[Profile | Contour] = (),
+    refused: Sequence[str] = (),
+) -> None:
     """Write a self-contained report, whole or not at all.
+
+    Parameters
+    ----------
+    beside : profiles and regions of its parameters, to be shown with it.
+    refused : why there is none of what was asked for, a sentence each.
 
     Raises
     ------
@@ -110,7 +121,8 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
     write_html(
         path,
         "report.html",
-        _common(fit),
+        {**_common(fit), "warnings": [*_common(fit)["warnings"], *refused]},
+        profiles=[_profiled(one) for one in beside],
         title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
         scores=grouped_scores(fit.scores),
         figures=report_figures(fit),
@@ -326,6 +338,13 @@ class ReportFigure:
 def report_figures(fit: Fit) -> list[ReportFigure]:
     """Return a figure for each panel of `plot_fit`."""
     return [drawn(panel) for panel in panels(fit)]
+
+
+def _profiled(made: Profile | Contour) -> ReportFigure:
+    """A profile or a region as a figure of a report, below it what it says."""
+    figure = made.plot()
+    name = figure.axes[0].get_title(loc="left")
+    return ReportFigure(inline_svg(figure, f"{name} of {made!r}"), str(made))
 
 
 def drawn(panel: Panel) -> ReportFigure:

@@ -328,9 +328,14 @@ def between_rows(fit: Fit) -> list[tuple[str, ...]]:
     left = len(terms[0].runs) - len(rows)
     if left:
         rows.append((f"{left} more", *("" for _ in terms)))
-    means = (plus_minus(t.mean, t.new_run_error) for t in terms)
-    spreads = (short(t.spread) if np.isfinite(t.spread) else "–" for t in terms)
+    means = (plus_minus(t.mean, t.new_run_error) if _told(t) else UNDETERMINED for t in terms)
+    spreads = (short(t.spread) if _told(t) and np.isfinite(t.spread) else "–" for t in terms)
     return [head, *rows, ("mean ± for a new run", *means), ("spread between runs", *spreads)]
+
+
+def _told(term: BetweenRuns) -> bool:
+    """Whether two runs determine the term, or its values are given."""
+    return sum(term.determined) > 1 or not any(term.standard_errors)
 
 
 def _own_value(term: BetweenRuns, number: int) -> str:

@@ -273,7 +273,7 @@ def _grade(share: float) -> str:
     ):
         if share >= limit:
             return words
-    return "Explains nothing of"
+    return "Explains next to nothing of" if share > 0.0 else "Explains nothing of"
 
 
 def _percent(share: float) -> str:
@@ -287,7 +287,7 @@ def _critical(fit: Fit, share: float) -> list[str]:
     found = []
     if not share >= 0.05:
         found.append("it predicts no better than a constant")
-    if fit.simulation is None and not fit.uncertainty.reliable:
+    if fit.parameters and fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
     for words, groups in (
         ("not determined alone", [g.names for g in fit.confounded if len(g.names) > 1]),
@@ -688,7 +688,7 @@ def _t(parameter: Parameter) -> str:
     """Value over error of a coefficient; zero is no value that a shape could have."""
     if parameter.kind != "coefficient" or not parameter.stderr > 0.0:
         return ""
-    return f"{parameter.value / parameter.stderr:.2f}"
+    return f"{round(parameter.value / parameter.stderr, 2) + 0.0:.2f}"  # no −0.00
 
 
 def _notes(fit: Fit) -> list[str]:
