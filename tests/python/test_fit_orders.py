@@ -178,7 +178,7 @@ def test_only_orders_of_the_output_that_the_analysis_doubts_are_said_to_be_the_f
     assert _only_by_fit(found, {"cogging": filled["cogging"]}) == []
 
 
-def swung(rows_late: int, seed: int, amplitude: float = 0.3) -> Log:
+def late_swing(rows_late: int, seed: int, amplitude: float = 0.3) -> Log:
     """A sensor, late by so many rows of 2 ms, beside a load cell; order 2 of the motor at 100."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 40.0, 0.002)
@@ -206,7 +206,7 @@ def swung(rows_late: int, seed: int, amplitude: float = 0.3) -> Log:
 def of_the_motor(rows_late: int, amplitude: float = 0.3) -> flexspline.Fit:
     return flexspline.fit(
         ["offset", "gravity", "wave_generator_ripple"],
-        [swung(rows_late, seed, amplitude) for seed in (1, 2)],
+        [late_swing(rows_late, seed, amplitude) for seed in (1, 2)],
         "sensor_torque",
         known_load="reference_torque",
         orders={"wave_generator_ripple": [2]},
@@ -234,7 +234,7 @@ def test_a_sensor_that_is_late_is_said_to_take_part_of_the_ripple(rows_late: int
 def test_a_ripple_that_turns_slowly_is_not_said_to_be_lost_to_a_delay() -> None:
     fit = flexspline.fit(
         ["offset", "gravity", "output_ripple"],
-        [swung(3, seed, 0.0) for seed in (1, 2)],
+        [late_swing(3, seed, 0.0) for seed in (1, 2)],
         "sensor_torque",
         known_load="reference_torque",
         orders={"output_ripple": [2]},
