@@ -13,7 +13,7 @@ using namespace flexspline;
 
 namespace {
 
-constexpr std::size_t rows = 1700;  // a full block and a part of one
+constexpr std::size_t rows = 1300;  // a full block and a part of one
 constexpr std::array<std::size_t, 2> starts{0, 700};
 constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
 
@@ -203,7 +203,7 @@ TEST_CASE("an infinite velocity is missing for a model that looks ahead too") {
   const std::vector<double> coefficients{1.0, 0.0};
   const batch::AnyEffect coulomb = batch::effect_by_name("coulomb_friction");
   batch::LogJoint joint;
-  joint.estimating.observer = {6000.0};  // forgets its start by the next good sample
+  joint.estimating.observer = {100.0};
   joint.estimating.observer_input = ObserverInput::motor_torque;
   joint.observed = batch::AnyModel(batch::Design({coulomb}, Gear<double>{}),
                                    std::span(coefficients).first(batch::terms_of(coulomb)));
@@ -215,5 +215,5 @@ TEST_CASE("an infinite velocity is missing for a model that looks ahead too") {
   log.numbers[batch::place_of_reading("motor_torque")] = torque.data();
   Results found(3);
   batch::replay_joint(joint, log, found.columns());
-  CHECK(found.missed == std::vector<std::uint16_t>{8, 8, 0});
+  CHECK(found.missed == std::vector<std::uint16_t>{0, 8, 0});
 }

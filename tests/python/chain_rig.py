@@ -31,8 +31,6 @@ COMPENSATION = TemperatureCompensation(
 CALIBRATION = Calibration(62.738, 2.1835, voltage_range=(-1.0, 1.0))
 BY_MOTOR = Observer(80.0, "motor_torque")
 BY_GEAR = Observer(60.0, "compliance", rotor_inertia=1.3e-5)
-SILENT = 32  # rows of 2 ms for which BY_MOTOR says nothing behind a start: 5 / K = 62.5 ms
-SILENT_BY_GEAR = 42  # of BY_GEAR: 83.3 ms
 MERGE = Merge(500.0, 0.01)
 KALMAN = Merge(500.0, 0.01, "kalman", 20.0, (2.0, 1.0), (0.5, 3.0))
 COLLISION = Collision("merged", (0.4, 1.1), (2.0, 2.2, 2.5), (2.1, 2.3, 2.6), 0.8, 0.05)

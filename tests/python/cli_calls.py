@@ -35,10 +35,10 @@ def write_runs(folder: Path) -> list[Path]:
     return paths
 
 
-def write_holed(log: Log, channel: str, path: Path, row: int = 7) -> Path:
-    """Write a run of which one row has no reading of a channel."""
+def write_holed(log: Log, channel: str, path: Path) -> Path:
+    """Write a run whose row 7 has no reading of a channel."""
     values = log[channel].copy()
-    values[row] = np.nan
+    values[7] = np.nan
     write_log(log.with_columns({channel: values}, note="hole"), path)
     return path
 

@@ -67,9 +67,7 @@ def test_monitoring_changes_no_estimate_and_compensating_brings_the_observer_bac
         flexspline.estimate(model, log)["external_torque_observer"]
         for model in (fitted, learner(fitted), learner(fitted, use="compensate"))
     )
-    begun = np.isfinite(plain)
-    assert np.array_equal(np.isfinite(watched), begun) and begun[100:].all()
-    assert np.abs(watched - plain)[begun].max() < 1e-12  # effects are summed in another order
+    assert np.abs(watched - plain).max() < 1e-12  # the effects are summed in another order
     moving = np.abs(log["output_velocity"]) > 0.1
     late = moving & (log["time"] > 500.0)
     sizes = [np.sqrt(np.mean(torque[late] ** 2)) for torque in (plain, helped)]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from chain_rig import BY_MOTOR, CALIBRATION, SILENT, joint, raw_log, whole_joint, without
+from chain_rig import BY_MOTOR, CALIBRATION, joint, raw_log, whole_joint, without
 from cli_calls import call, write_holed
 
 import flexspline
@@ -46,7 +46,7 @@ def test_the_file_holds_what_the_call_returns(tmp_path: Path, run: Path, model: 
         np.testing.assert_allclose(table[name], made[name], rtol=1e-15)
     text = out.read_text()
     assert text.splitlines()[0].startswith("time,temperature,sensor_torque,external_torque_sensor")
-    assert text.splitlines()[0].endswith("contact,status") and text.splitlines()[1].endswith(",976")
+    assert text.splitlines()[0].endswith("contact,status") and text.splitlines()[1].endswith(",256")
     assert "1 contact: " in result.stdout and f"wrote {out}" in result.stdout
 
 
@@ -70,16 +70,15 @@ def test_several_runs_get_a_file_each_and_the_errors_beside_their_references(
 def test_what_has_no_estimate_is_empty_and_its_row_stays(
     tmp_path: Path, run: Path, model: Path
 ) -> None:
-    holed = write_holed(raw_log(1500), "motor_torque", tmp_path / "holed.csv", 700)
+    holed = write_holed(raw_log(1500), "motor_torque", tmp_path / "holed.csv")
     out = tmp_path / "external.csv"
     assert call("estimate", "--model", model, holed, "--out", out).exit_code == 0
     table = pandas.read_csv(out)
     assert len(table) == 1500
-    silent = [*range(SILENT), 700]  # an observer that forgets its start, and the hole
-    assert np.flatnonzero(table["external_torque_observer"].isna()).tolist() == silent
-    assert np.flatnonzero(table["contact"].isna()).tolist() == silent
+    assert np.flatnonzero(table["external_torque_observer"].isna()).tolist() == [7]
+    assert np.flatnonzero(table["contact"].isna()).tolist() == [7]
     # the wave generator is twisted by the motor
-    assert table["status"][700] == 16 + 32 + 64 + 128 + 512
+    assert table["status"][7] == 16 + 32 + 64 + 128 + 256 + 512  # and it starts
     assert set(table["contact"].dropna()) <= {0, 1}
 
 
@@ -105,8 +104,7 @@ def test_facts_of_the_model_and_options_reach_the_run(tmp_path: Path, model: Pat
     assert result.exit_code == 0, result.stderr
     assert "60 Hz" in result.stdout
     known = pandas.read_csv(out)["external_torque_observer"].notna()
-    # rows of 2 ms: 7 / (2π 60 Hz) are 18.6 ms, in which the filter starts; then the observer
-    start = 10 + SILENT
+    start = 10  # rows of 2 ms: 7 / (2π 60 Hz) are 18.6 ms, in which the filter starts
     assert known[start:].all() and not known[:start].any()
 
 

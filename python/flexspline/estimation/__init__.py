@@ -31,6 +31,8 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed, number
 from flexspline.estimation.plan import (
+    FORGOTTEN,
+    OBSERVERS,
     READINGS,
     Plan,
     adapted_units,
@@ -234,12 +236,11 @@ MEANING = {
     Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
     Status.NO_TEMPERATURE: "no temperature",
     Status.NO_SENSOR: "no external torque from the sensor",
-    Status.NO_OBSERVER: "no torque from the observer: an input is missing, or it starts",
+    Status.NO_OBSERVER: "no torque from the observer",
     Status.NO_COMPLIANCE: "no torque from the compliance",
     Status.NO_MERGED: "no merged torque",
     Status.NO_CONTACT: "contact is not decided",
-    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link: an input is missing, "
-    "or it starts",
+    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
     Status.NO_VELOCITY: "no velocity from the angle: it is missing, or its filter starts",
     Status.SENSOR_FAULT: "the sensor's voltage or torque is out of its range and was taken out",
     Status.MOTOR_FAULT: "the motor's torque is out of its range and was taken out",
@@ -249,7 +250,8 @@ MEANING = {
     Status.TORQUES_FAULT: "sensor and observer disagree on the external torque",
     Status.TEMPERATURE_FAULT: "temperature or thermistor is out of its range and was taken out",
     Status.OUT_OF_RANGE: "a reading is far beyond all that the model knows: it counts as missing",
-    Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
+    Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap; "
+    "an observer comes up from zero for 5 / K",
 }
 
 
@@ -492,8 +494,8 @@ def estimate(
     calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
     collision, each where the model holds it. A value is NaN where its stage had nothing to work
     with, and `status` says so; filters, observer, lags and detector start again behind a gap, a
-    step of more than 2.5 median ones. An observer says nothing until it has forgotten its start:
-    for 5 / K behind the first row, and behind any time as long without what it reads.
+    step of more than 2.5 median ones. An observer starts at zero, and a torque that lasts is seen
+    in full 5 / K later; until then `Status.RESTARTED` is set.
     Nothing that looks ahead is used: a velocity that the log lacks is the causal derivative of its
     position, and a note says so.
 
@@ -623,8 +625,22 @@ def _columns(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> di
     status |= found["faults"].astype(np.int64) << FAULTS
     if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
         status[np.isnan(found["temperature"])] |= Status.NO_TEMPERATURE
-    status[runs(log["time"])[:, 0]] |= Status.RESTARTED
+    status[_starting(plan, log["time"], found)] |= Status.RESTARTED
     return {**columns, "status": status.astype(np.float64)}
+
+
+def _starting(plan: Plan, time: Array, found: Mapping[str, Any]) -> NDArray[np.bool_]:
+    """Rows (N,) in which a run starts, or an observer has not forgotten that it started at zero."""
+    starting = np.zeros(len(time), dtype=bool)
+    for first, last in runs(time):
+        starting[first] = True
+        for key in OBSERVERS & plan.estimating.keys():
+            good = np.flatnonzero(np.isfinite(found[f"external_{key}"][first:last]))
+            if good.size:
+                begun = first + good[0]
+                forgotten = time[begun] + FORGOTTEN / plan.estimating[key]["gain"]
+                starting[begun:last] |= time[begun:last] < forgotten
+    return starting
 
 
 def _require_something(

@@ -59,6 +59,8 @@ from flexspline.signals import gear_of
 __all__ = [
     "BANDWIDTH",
     "FACTOR",
+    "FORGOTTEN",
+    "OBSERVERS",
     "READINGS",
     "UNITS",
     "Plan",
@@ -73,6 +75,9 @@ __all__ = [
     "with_derivatives",
     "with_stage",
 ]
+
+OBSERVERS = {"observer", "compliant_observer"}
+FORGOTTEN = 5.0  # K t, after which e^-5 is left of an observer's start
 
 
 Entries = dict[str, dict[str, Any]]

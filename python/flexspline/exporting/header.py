@@ -16,8 +16,9 @@ from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError, listed, shortened
-from flexspline.estimation.plan import UNITS as LIMIT_UNITS
 from flexspline.estimation.plan import (
+    FORGOTTEN,
+    OBSERVERS,
     Plan,
     joint_limits,
     made_by,
@@ -26,6 +27,7 @@ from flexspline.estimation.plan import (
     readings_of,
     reads_of,
 )
+from flexspline.estimation.plan import UNITS as LIMIT_UNITS
 from flexspline.estimators import ESTIMATORS
 from flexspline.exporting.cpp_text import (
     comment,
@@ -99,8 +101,6 @@ COUNTED = {
 }
 
 A_GAP = f"a gap: a period of more than {GAP_STEPS:g} usual ones, as for `flexspline estimate`"
-OBSERVERS = ("observer", "compliant_observer")
-FORGOTTEN = 5.0  # K t from a start on for which an observer is silent: `Chain::forgotten`
 
 READINGS = {name: _words(name) for name in (*_core.instruments, *_core.numbers) if name != "period"}
 ANGLES = {"output_position": "q", "motor_position": "theta"}
@@ -421,12 +421,10 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
 
 
 def _starts(plan: Plan) -> Iterator[str]:
-    """For how long observers say nothing behind a start."""
-    for key in OBSERVERS:
-        if key in plan.estimating:
-            start = 1e3 * FORGOTTEN / plan.estimating[key]["gain"]
-            yield f"    // {key}: missed for {FORGOTTEN:g} / K = {start:.4g} ms behind a start; it"
-            yield "    //     starts again by itself where it has no good reading for longer"
+    """For how long observers come up from zero behind a start."""
+    for key in sorted(OBSERVERS & plan.estimating.keys()):
+        start = 1e3 * FORGOTTEN / plan.estimating[key]["gain"]
+        yield f"    // {key}: comes up from 0 for {FORGOTTEN:g} / K = {start:.4g} ms behind a start"
 
 
 def chain_lines(model: Model, plan: Plan) -> Iterator[str]:

@@ -20,10 +20,6 @@
 /// period changes nothing at all; one above an hour is bad: no step that was ever due took that
 /// long, and sums of such periods would overflow.
 ///
-/// An observer misses its samples until it has forgotten its start, r = 0: for 5 / K behind the first
-/// good one. A start is also what comes after nothing good for more than 5 / K and 2.5 times the
-/// period before: whatever moved the joint meanwhile, r knew nothing of it.
-///
 /// Between stages NaN says that there is no value: it runs through all that is computed from it, so
 /// each stage looks at its result alone, once.
 ///
@@ -49,10 +45,6 @@ struct Chain {
 
   static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
   static constexpr S longest_period = flexspline::longest_period<S>;
-  static constexpr S forgotten = S(5);  ///< K t, after which e^−5 of an observer's start is left
-  /// Periods without a reading that are a gap. Who calls starts again behind one: the models, lags
-  /// and detector do not see it.
-  static constexpr S gap_periods = S(2.5);
   /// Whether a temperature, °C, is one: what no instrument measures counts as not read, because a
   /// lag takes long to forget it. NaN is none.
   static constexpr bool is_temperature(S value) noexcept {
@@ -94,12 +86,6 @@ struct Chain {
     Stage missed = Stage::none;  ///< configured stages that did not run in this sample
   };
 
-  /// What an observer remembers, in K t.
-  struct Memory {
-    S age = 0;   ///< since its start, up to `forgotten`
-    S last = 0;  ///< period of the last good sample
-  };
-
   struct State {
     typename Compensation::State compensation;
     FlaggedTorque<S> drift{missing, Flag::none};  ///< the compensation's last good torque
@@ -111,7 +97,6 @@ struct Chain {
     /// time, s: 0 behind a good one.
     S compensation_wait = 0, observer_wait = 0, compliant_wait = 0, kalman_wait = 0,
       collision_wait = 0;
-    Memory observer_memory, compliant_memory;
   };
 
   /// What was sensed in a sample, NaN where there was nothing.
@@ -248,8 +233,8 @@ struct Chain {
     if (const auto* observer = given(stages.observer)) {
       const bool by_sensor = stages.observer_input == ObserverInput::sensor_torque;
       const S known = (by_sensor ? sensor_torque : in.motor_torque) - in.observer_intrinsic;
-      const S found = observed(*observer, state.observer, in.momentum, known, in.period,
-                               state.observer_wait, state.observer_memory);
+      const S found =
+          observed(*observer, state.observer, in.momentum, known, in.period, state.observer_wait);
       if (!math::is_finite(found)) return miss(Stage::observer, out);
       return out.external_observer = found;
     }
@@ -261,7 +246,7 @@ struct Chain {
                                   Output& out) noexcept {
     if (const auto* observer = given(stages.compliant_observer)) {
       const S found = observed(*observer, state.compliant_observer, in.link_momentum, compliance,
-                               in.period, state.compliant_wait, state.compliant_memory);
+                               in.period, state.compliant_wait);
       if (!math::is_finite(found)) return miss(Stage::compliant_observer, out);
       return out.external_compliant_observer = found;
     }
@@ -271,24 +256,14 @@ struct Chain {
   /// `wait`: s between the last good sample and the one before this.
   static constexpr S observed(const typename Observer::Config& config,
                               typename Observer::State& state, S momentum, S known_torque, S period,
-                              S& wait, Memory& memory) noexcept {
+                              S& wait) noexcept {
     S external = missing;
     const S since = wait + period;
-    const S passed = config.gain * since;
-    if (passed > forgotten && passed > gap_periods * memory.last) [[unlikely]]
-      state = {};
-    const bool starts = !state.started;
     const Status seen = Observer::advance(config, state, momentum, known_torque, since, external);
     // After a gap too long for Euler: start again from where it was.
     if (seen == Status::out_of_range) state.started = false;
     wait = seen == Status::not_finite ? since : S(0);
-    if (seen != Status::ok) return missing;
-    memory.last = passed;
-    if (starts) [[unlikely]]
-      memory.age = S(0);
-    else if (memory.age < forgotten) [[unlikely]]
-      memory.age += passed;
-    return memory.age < forgotten ? missing : external;
+    return external;
   }
 
   template <typename Stages>
