@@ -14,7 +14,7 @@ less by JUMP than a curve does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
 
 import numpy as np
@@ -48,6 +48,10 @@ class Curves:
     def count(self) -> int:
         """How many cells there are."""
         return self.lines.size
+
+    def at(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Curves:
+        """Return the curves of some of the rows."""
+        return replace(self, cells=self.cells[rows], along=self.along[rows])
 
     def sums(self, values: Array, powers: int, groups: NDArray[np.int64] | None = None) -> Array:
         """Return sums of values (N,) times u^p, (groups, cells, powers)."""

@@ -113,6 +113,7 @@ FOLDS = 8
 BLOCKS = 40  # of a run, dealt to the folds in turn
 WORTH_IT = 0.02  # of the mean square: what a covariate has to take off
 MOST_ROUNDS = 8
+SAWTOOTH = 0.5  # of what means leave of held-out rows: noise that a curve follows leaves more
 
 LEAST_EFFECTIVE = 5.0  # rows that a band is worth, to be called the worst
 _DOUBTFUL = 0.25  # of the floor's square, from which the velocity's noise matters
@@ -435,22 +436,31 @@ def held_out_rest(rows: Rows, covariates: Sequence[Covariate], turning: Turning)
     fold, rest = _folds(rows.run[at]), rows.residual[at]
     turning = replace(turning, angle=turning.angle[at], direction=turning.direction[at])
     cells = [(covariate.cells[at], covariate.count) for covariate in covariates]
-    curves = [_FoldCurves(replace(each.curves, cells=each.curves.cells[at],
-                                  along=each.curves.along[at]), fold)
-              for each in covariates if each.curves is not None]  # fmt: skip
+    curves = [
+        None if each.curves is None else _FoldCurves(each.curves.at(at), fold)
+        for each in covariates
+    ]
     for _ in range(MOST_ROUNDS):
         left = float(rest @ rest)
         tries = [_without(rest, *each, fold) for each in cells]
-        tries += [each.without(rest) for each in curves]
         if turning.found:
             tries.append(rest - turning.explained(rest)[0])
-        best = min(tries, key=lambda made: float(made @ made))
+        number = min(range(len(tries)), key=lambda k: float(tries[k] @ tries[k]))
+        best = _smoother(tries[number], curves[number] if number < len(curves) else None, rest)
         if float(best @ best) > (1.0 - WORTH_IT) * left:
             break
         rest = best
     made = rows.residual.copy()
     made[at] = rest
     return made
+
+
+def _smoother(best: Array, curve: _FoldCurves | None, rest: Array) -> Array:
+    """What a curve leaves of `rest` (N,), if that is much less than the `best` of means does."""
+    if curve is None:
+        return best
+    made = curve.without(rest)
+    return made if float(made @ made) < SAWTOOTH * float(best @ best) else best
 
 
 def _folds(run: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -476,17 +486,15 @@ class _FoldCurves:
 
     def __init__(self, curves: Curves, fold: NDArray[np.int64]) -> None:
         self.curves, self.fold = curves, fold
-        self.ones = self._others(np.ones(len(fold)), 2 * DEGREE + 1)
 
     def without(self, rest: Array) -> Array:
         """Take off each row the curve of the other folds."""
+        ones = self._others(np.ones(len(rest)), 2 * DEGREE + 1)
         moments = self._others(rest, DEGREE + 1)
         made = rest.copy()
-        for number, sums in enumerate(zip(self.ones, moments, strict=True)):
+        for number, sums in enumerate(zip(ones, moments, strict=True)):
             held = self.fold == number
-            there = replace(self.curves, cells=self.curves.cells[held],
-                            along=self.curves.along[held])  # fmt: skip
-            made[held] -= there.values(self.curves.fitted(*sums))
+            made[held] -= self.curves.at(held).values(self.curves.fitted(*sums))
         return made
 
     def _others(self, values: Array, powers: int) -> Array:
