@@ -45,7 +45,7 @@ from flexspline.discovery.result import (
     confidence,
     doubt,
 )
-from flexspline.discovery.search import cost_of, share_missed
+from flexspline.discovery.search import cost_of, freedom, share_missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.linear import UnsettledError
@@ -366,11 +366,13 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
 def _better_equal(made: Analysis, rivals: Mapping[str, Sequence[Rival]]) -> Analysis | None:
     """The analysis with an effect in the place of a name that these runs do not tell from it, where
     it predicts rows held out better by more than two that are told apart differ; None of none.
+
+    It has no more coefficients: what may follow more may follow what else is missing, too.
     """
-    for name, own in rivals.items():
-        equals = [rival.effect for rival in own if rival.alias and not rival.more]
-        for effect in equals:
-            trial, _ = made.searcher.fitted(in_place_of(made.final, name, effect))
+    for named in made.final.named:
+        equals = [r.effect for r in rivals[named.name] if r.alias and not r.more]
+        for effect in (e for e in equals if freedom(e) <= freedom(named)):
+            trial, _ = made.searcher.fitted(in_place_of(made.final, named.name, effect))
             fall, error = _fall(made.after, made.left_by(trial))
             if fall > SETTINGS.told * error:
                 return _in_order(made.of(trial))
