@@ -13,6 +13,7 @@ from fit_logs import FRICTION, autoregressive, friction, log_with, motion, rows_
 import flexspline
 from flexspline.logs import Log
 from flexspline.logs.checks import check, check_runs
+from flexspline.logs.checks.consistency import Reaction, _turned
 from flexspline.logs.checks.load import UNUSED, unused_load
 from flexspline.logs.repairs import repaired
 
@@ -176,3 +177,24 @@ def test_a_fit_warns_of_a_load_of_the_wrong_sign() -> None:
         known_load="reference_torque",
     )
     assert any("flip_sign=reference_torque" in said for said in made.warnings)
+
+
+@pytest.mark.parametrize(
+    ("factor", "friction", "inertia", "wrong"),
+    [
+        (1.0, -0.1, 0.003, None),
+        (1.0, -0.1, -0.003, None),
+        (-1.0, 0.1, 0.003, ("reference_torque",)),
+        (-1.0, -0.1, -0.003, None),
+        (-1.0, -0.1, 0.003, ("reference_torque", "motor_torque")),
+    ],
+)
+def test_a_drive_that_its_load_drives_has_no_load_of_the_wrong_sign(
+    factor: float, friction: float, inertia: float, wrong: tuple[str, ...] | None
+) -> None:
+    """Friction told as negative beside a positive inertia had called a factor of 1 a flipped load.
+
+    A torque that is flipped as a whole, inertia and all, is told by itself.
+    """
+    reaction = Reaction(friction, 0.01, inertia, 1e-4)
+    assert _turned("motor_torque", factor, reaction) == wrong

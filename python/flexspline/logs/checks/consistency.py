@@ -705,17 +705,18 @@ def _slips(log: Log, channel: str) -> dict[float, str]:
 def _turned(channel: str, factor: float, reaction: Reaction) -> tuple[str, ...] | None:
     """Return whose sign is wrong, or may be; None where that of the load goes with the torque's.
 
-    Friction tells the sign of a drive, and is said of it as a whole; inertia that of a sensor.
+    Friction tells the sign of a drive, and is said of it as a whole, unless inertia denies it, as
+    where the load drives the motor; inertia tells that of a sensor.
     """
-    if channel in DRIVE:
-        own = _way(reaction.friction, reaction.friction_error)
-        if own != 0:
-            return (LOAD,) if factor * own < 0 else None
-    else:
-        own = _way(reaction.inertia, reaction.inertia_error)
-        if own != 0 and factor < 0:
-            return (LOAD,) if own > 0 else (channel,)
-    return (LOAD, channel) if factor < 0 else None
+    if factor >= 0:
+        return None
+    inertia = _way(reaction.inertia, reaction.inertia_error)
+    if channel not in DRIVE:
+        return {1.0: (LOAD,), -1.0: (channel,)}.get(inertia, (LOAD, channel))
+    friction = _way(reaction.friction, reaction.friction_error)
+    if friction < 0:
+        return (LOAD, channel) if inertia > 0 else None
+    return (LOAD,) if friction > 0 else (LOAD, channel)
 
 
 def _way(size: float, error: float) -> float:
