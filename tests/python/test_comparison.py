@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import comparison_logs as rig
 import numpy as np
 import pytest
+from fit_logs import autoregressive
 
 import flexspline
 from flexspline import InputError
@@ -43,6 +44,8 @@ from hidden.cases import recorded_cases
 from hidden.recorded import recorded
 
 CLEAN = 100
+SHORT = 30
+MOTION, SENSOR = ["coulomb_friction", "viscous_friction", "inertia"], "sensor_torque"
 WHERE = [
     ("slow", "speed", "largest below 0.15 rad/s in both directions"),
     ("ripple", "position_order", "turns with the joint, 2 and 7 times per output turn"),
@@ -232,6 +235,36 @@ def test_clean_logs_under_coloured_noise_show_an_excess_as_rarely_as_stated() ->
     ]
     # at the stated rate of one in a hundred, five or more happen with a chance of 0.34 %
     assert len(false) <= 4 and pytest.approx(0.01) == ALPHA
+
+
+@pytest.mark.parametrize(("rows", "memory"), [(600, 39), (1000, 199), (300, 99)])
+def test_slow_noise_of_a_short_run_is_no_structure(rows: int, memory: int) -> None:
+    """In blocks shorter than noise lasts, cells of any channel had explained it: 14 to 18 of 40."""
+    phi = (memory - 1.0) / (memory + 1.0)
+    known = flexspline.fit(MOTION, [_swung(seed, 6000, 0.5) for seed in (1000, 1001)], SENSOR)
+    false = [
+        seed
+        for seed in range(SHORT)
+        if flexspline.compare(known.model, [_swung(seed, rows, phi)]).follows
+    ]
+    assert len(false) <= 3  # four of 30 happen with a chance of 2 in 10 000 at the stated rate
+
+
+def _swung(seed: int, rows: int, phi: float) -> Log:
+    generator = np.random.default_rng(seed)
+    time = np.arange(rows) * 0.002
+    angle = np.sin(4.4 * time + seed) + 0.3 * np.sin(11.9 * time)
+    velocity = np.gradient(angle, 0.002)
+    acceleration = np.gradient(velocity, 0.002)
+    noise = autoregressive(generator, rows, phi, 0.05 * np.sqrt(1.0 - phi**2))
+    return Log.from_arrays(
+        time=time,
+        output_position=angle,
+        output_velocity=velocity,
+        output_acceleration=acceleration,
+        sensor_torque=1.5 * np.tanh(velocity / 0.05) + 0.8 * velocity + 0.3 * acceleration + noise,
+        facts={"name": f"swung {seed}"},
+    )
 
 
 def test_the_effective_rows_are_those_of_the_noise() -> None:

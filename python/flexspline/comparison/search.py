@@ -15,9 +15,10 @@ are looked for in the residual, and again in what remains once it follows someth
 
 The noise model must be fitted to a residual that neither holds the structure that is searched for
 (it would pass for autocorrelation) nor lacks the noise that a fit absorbs (the autocorrelation
-would be too short). So cells and curves are learned on seven eighths of each run, in short blocks,
-and subtracted from the rest, one covariate after the other, as long as that reduces the residual of
-the held-out rows. Cells that hold nothing but noise increase it and are not used.
+would be too short). So cells and curves are learned on seven eighths of each run, in blocks that
+outlast the noise, and subtracted from the rest, one covariate after the other, as long as that
+reduces the residual of the held-out rows. Cells that hold nothing but noise increase it and are not
+used; in blocks shorter than slow noise they would tell it from the rows beside.
 
 Each band of each covariate has an RMSE and a noise floor. In band k with residual r, and e what
 remains when everything that it depends on is taken out:
@@ -43,6 +44,7 @@ from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from flexspline.comparison.covariates import (
+    LARGEST_ORDER,
     Covariate,
     Memory,
     Turning,
@@ -111,6 +113,9 @@ PER_CUTOFF = 2.5  # a low-passed residual has news this many times per period of
 
 FOLDS = 8
 BLOCKS = 40  # of a run, dealt to the folds in turn
+SHORTEST = 2 * LARGEST_ORDER  # rows of a block: it shows what the noise's model looks back over
+FEWEST = 4  # of these, of which each is told by the others
+OUTLASTS = 2.0  # times the noise's memory, how long a block is at least
 WORTH_IT = 0.02  # of the mean square: what a covariate has to take off
 MOST_ROUNDS = 8
 SAWTOOTH = 0.5  # of what means leave of held-out rows: noise that a curve follows leaves more
@@ -417,7 +422,7 @@ def analysed(compared: Compared, say: Callable[[str], None]) -> Analysis:
     say("looking for orders")
     turning = spectrum = turning_of(compared, rows, rows.residual)
     say("what the residual follows")
-    memory = memory_of(rows, held_out_rest(rows, covariates, turning), news)
+    memory = _memory_beside(rows, covariates, turning, news)
     test = CellTests(rows, memory)
     found = search(rows, covariates, turning, test)
     if found.steps and ORDERS not in [each.name for each in found.steps]:
@@ -427,13 +432,34 @@ def analysed(compared: Compared, say: Callable[[str], None]) -> Analysis:
     return Analysis(rows, tuple(covariates), memory, test, found, turning, spectrum, step)
 
 
-def held_out_rest(rows: Rows, covariates: Sequence[Covariate], turning: Turning) -> Array:
-    """Return the residual without what cells and orders explain of held-out rows, (N,).
+def _memory_beside(
+    rows: Rows, covariates: Sequence[Covariate], turning: Turning, news: int
+) -> Memory:
+    """The noise's memory beside what cells and orders explain, in blocks that outlast it.
 
-    Only rows of `rows.looked_at` are worked on; the others stay as they are.
+    Of slow noise a block shorter than that is told by the rows beside it, in cells that mean
+    nothing. Where no block of a run outlasts it, nothing is taken off, and all is noise.
     """
     at = np.concatenate([np.arange(*piece) for piece in rows.looked_at])
-    fold, rest = _folds(rows.run[at]), rows.residual[at]
+    longest = len(at) / len(np.unique(rows.run[at]))
+    blocks = min(BLOCKS, int(longest // SHORTEST))
+    while blocks >= FEWEST:
+        memory = memory_of(rows, held_out_rest(rows, covariates, turning, blocks), news)
+        if OUTLASTS * memory.model.memory * memory.model.decimation <= longest / blocks:
+            return memory
+        blocks //= 2
+    return memory_of(rows, rows.residual, news)
+
+
+def held_out_rest(
+    rows: Rows, covariates: Sequence[Covariate], turning: Turning, blocks: int = BLOCKS
+) -> Array:
+    """Return the residual without what cells and orders explain of held-out rows, (N,).
+
+    Only rows of `rows.looked_at` are worked on; the others stay as they are. `blocks`: of a run.
+    """
+    at = np.concatenate([np.arange(*piece) for piece in rows.looked_at])
+    fold, rest = _folds(rows.run[at], blocks), rows.residual[at]
     turning = replace(turning, angle=turning.angle[at], direction=turning.direction[at])
     cells = [(covariate.cells[at], covariate.count) for covariate in covariates]
     curves = [
@@ -463,11 +489,11 @@ def _smoother(best: Array, curve: _FoldCurves | None, rest: Array) -> Array:
     return made if float(made @ made) < SAWTOOTH * float(best @ best) else best
 
 
-def _folds(run: NDArray[np.int32]) -> NDArray[np.int64]:
+def _folds(run: NDArray[np.int32], blocks: int) -> NDArray[np.int64]:
     sizes = np.bincount(run)
     first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     place = np.arange(len(run)) - first[run]
-    return np.asarray(place * BLOCKS // np.maximum(sizes[run], 1) % FOLDS)
+    return np.asarray(place * blocks // np.maximum(sizes[run], 1) % FOLDS)
 
 
 def _without(rest: Array, cells: NDArray[np.integer], last: int, fold: NDArray[np.int64]) -> Array:
