@@ -81,6 +81,7 @@ CHANNELS = {
     "speed": "output_velocity",
     "direction": "output_velocity",
     "position": "output_position",
+    "position_order": "output_position",
     "acceleration": "output_acceleration",
     "load": "reference_torque",
     "reversal_angle": "output_position",
