@@ -115,7 +115,6 @@ FOLDS = 8
 BLOCKS = 40  # of a run, dealt to the folds in turn
 SHORTEST = 2 * LARGEST_ORDER  # rows of a block: it shows what the noise's model looks back over
 FEWEST = 4  # of these, of which each is told by the others
-OUTLASTS = 2.0  # times the noise's memory, how long a block is at least
 WORTH_IT = 0.02  # of the mean square: what a covariate has to take off
 MOST_ROUNDS = 8
 SAWTOOTH = 0.5  # of what means leave of held-out rows: noise that a curve follows leaves more
@@ -445,7 +444,7 @@ def _memory_beside(
     blocks = min(BLOCKS, int(longest // SHORTEST))
     while blocks >= FEWEST:
         memory = memory_of(rows, held_out_rest(rows, covariates, turning, blocks), news)
-        if OUTLASTS * memory.model.memory * memory.model.decimation <= longest / blocks:
+        if memory.model.memory * memory.model.decimation <= longest / blocks:
             return memory
         blocks //= 2
     return memory_of(rows, rows.residual, news)
