@@ -364,8 +364,8 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
 
 
 def _better_equal(made: Analysis, rivals: Mapping[str, Sequence[Rival]]) -> Analysis | None:
-    """The analysis with an effect in the place of a name that these runs do not tell from it, where
-    it predicts rows held out better by more than two that are told apart differ; None of none.
+    """The analysis with an effect in the place of a name from which these runs do not distinguish
+    it, where it predicts rows held out significantly better; None of none.
 
     It has no more coefficients: what may follow more may follow what else is missing, too.
     """

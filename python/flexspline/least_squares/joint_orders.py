@@ -43,7 +43,7 @@ def best_orders(
     pairs : columns of cosine and sine among the fitted ones, of each candidate.
     orders : periods per turn, of each candidate.
     costs : χ² that an order has to take off.
-    same : χ² by which sets have to differ to be told apart.
+    same : χ² by which sets may differ and be indistinguishable.
     """
     gram, moment, variance = _beside(made, np.array(pairs).ravel())
 
