@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +16,7 @@ import comparison_logs as rig
 import numpy as np
 import pytest
 from fit_logs import autoregressive
+from forward_runs import drive, driven, run_of
 
 import flexspline
 from flexspline import InputError
@@ -25,7 +27,7 @@ from flexspline.comparison.covariates import (
     labels_of,
     memory_of,
 )
-from flexspline.comparison.result import Comparison, Follows
+from flexspline.comparison.result import Comparison, Follows, floor_sentence
 from flexspline.comparison.runs import predicted, rows_of
 from flexspline.comparison.search import ALPHA, Place, Step, worst_band
 from flexspline.comparison.search import _bands as large_bands
@@ -423,6 +425,72 @@ def test_errors_on_runs_of_the_fit_are_said_to_be_in_sample_beside_those_held_ou
         f"The model was fitted to {runs[0].name}: its errors there are in-sample."
     )
     assert said(rig.model(), runs) == ""
+
+
+def weak_model() -> Model:
+    """The model of friction, not determined by its fit, to runs of half of the speed."""
+    part = rig.model().part()
+    names = [f"{e.name}.{term.name}" for e in part.effects for term in e.terms]
+    known = [
+        {"name": name, "kind": "coefficient", "value": 0.1, "standard_error": 9.0,
+         "state": "not determined", "unit": "Nm"}
+        for name in names
+    ]  # fmt: skip
+    record = {"parameters": known, "validity": {"output_velocity": [-0.1, 0.1]}}
+    return Model({"sensor": replace(part, record=record)}, rig.FACTS)
+
+
+def test_a_comparison_warns_of_what_a_prediction_warns_of(tmp_path: Path) -> None:
+    runs = rig.logs("nothing", runs=2, samples=3000)
+    warned = weak_model().predict(runs).warnings
+    made = flexspline.compare(weak_model(), runs)
+    assert made.notes == tuple(f"Warning: {sentence}." for sentence in warned)
+    first, *ranges = made.notes
+    assert "not significant (95 %): offset.offset, coulomb_friction.level" in first
+    assert [note.split("'")[1] for note in ranges] == [run.name for run in runs]
+    assert all("output_velocity from -" in note and "extrapolates" in note for note in ranges)
+    made.report(tmp_path / "report.html")
+    for text in (str(made), made._repr_html_(), (tmp_path / "report.html").read_text("utf-8")):
+        assert "it extrapolates there." in " ".join(text.split())
+    assert flexspline.compare(rig.model(), runs).notes == ()
+
+
+def test_of_many_warnings_the_first_are_told_and_the_others_counted() -> None:
+    runs = rig.logs("nothing", runs=7, samples=300)
+    notes = flexspline.compare(weak_model(), runs).notes
+    assert [note[:8] for note in notes[:-1]] == 5 * ["Warning:"]
+    assert notes[-1] == "3 more warnings of this kind: predict says them all."
+
+
+def test_a_comparison_of_the_simulated_motion_warns_of_the_model_too() -> None:
+    made = drive([("inertia", [1.0]), ("viscous_friction", [2.0])])
+    time = np.arange(2000) * 1e-2
+    run = run_of(time, 3.0 * np.sin(time))
+    noise = 1e-3 * np.random.default_rng(1).normal(size=len(time))
+    run = run_of(time, 3.0 * np.sin(time), output_position=driven(made, run)["position"] + noise)
+    assert flexspline.compare(made, run, simulated=True).notes == ()
+    part = replace(made.part(), record={"validity": {"output_velocity": [-0.2, 0.2]}})
+    slow = replace(made, parts={"drive": part})
+    (said,) = flexspline.compare(slow, run, simulated=True).notes
+    assert "outside of what the model of motor_torque was fitted to" in said
+
+
+def test_a_floor_that_is_that_of_a_few_rows_says_so() -> None:
+    clean = rig.logs("nothing", runs=2)
+    assert "everywhere" not in floor_sentence(flexspline.compare(rig.model(), clean))
+    loud = []
+    for number, run in enumerate(clean):
+        more = 10.0 * rig.NOISE * np.random.default_rng(number).normal(size=len(run))
+        more[run["output_position"] < np.quantile(run["output_position"], 0.9)] = 0.0
+        columns = {"sensor_torque": run["sensor_torque"] + more}
+        loud.append(run.with_columns(columns, note="loud at one end"))
+    made = flexspline.compare(rig.model(), loud)
+    told = re.search(r"at most (\S+) Nm for half .* largest, (\S+) Nm", floor_sentence(made))
+    assert told is not None
+    low, high = told.groups()
+    assert "by output angle" in floor_sentence(made)
+    assert float(low) == pytest.approx(rig.NOISE, rel=0.1) and made.noise_floor > 3.0 * rig.NOISE
+    assert made.noise_floor < float(high) < 11.0 * rig.NOISE
 
 
 def test_a_comparison_says_where_the_fit_was_behind_another_low_pass() -> None:

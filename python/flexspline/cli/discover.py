@@ -98,7 +98,8 @@ def compare(
     load, temperature, angle, order of what turns, acceleration, time, and distance from the last
     reversal; estimates the noise floor where it applies; and prints two sentences that say where
     the gap is largest and what it is not seen to follow. It names no cause, and nothing is fitted.
-    DIR receives comparison.json (all numbers) and report.html (the map).
+    Of a model it warns as predict does: rows outside of what it was fitted to, terms that are not
+    significant. DIR receives comparison.json (all numbers) and report.html (the map).
 
     \b
     Examples:

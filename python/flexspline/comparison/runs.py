@@ -27,7 +27,7 @@ from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.read import LogLike
 from flexspline.logs.segments import median_step, output_speed
 from flexspline.logs.segments import runs as unbroken
-from flexspline.model import Model, Part, fitted_to, lowpass_remark
+from flexspline.model import Model, Part, fitted_to, lowpass_remark, part_warnings, range_warnings
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
@@ -54,6 +54,7 @@ LOADS = ("reference_torque",)
 
 LEAST_ROWS = 200
 MOST_LOOKED_AT = 300_000  # for the noise and its memory
+MOST_WARNED = 5  # sentences on the model, and on what it was fitted to
 BLOCK = 16_384
 STILL_IN_NOISE = 3.0  # standard deviations of the velocity that have no direction
 _SLOW_OF_USUAL = 1e-2
@@ -71,6 +72,7 @@ class ComparedRun:
     doubt : standard deviation that the velocity's noise gives `modelled`, its unit.
     load : at the output, Nm (A where the model's own load is in a part in A), or None.
     velocity_noise : rad/s, standard deviation; 0 where there is no velocity.
+    warnings : what `predict` warns of, a sentence each without its stop.
     """
 
     log: Log
@@ -79,6 +81,7 @@ class ComparedRun:
     doubt: Array
     load: Array | None
     velocity_noise: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def residual(self) -> Array:
@@ -141,6 +144,7 @@ def predicted(
     own = _noise_left(noise, ways)
     runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
     notes = tuple(filter(None, [lowpass_remark(part, lowpass), _seen_by(part, logs, lowpass)]))
+    notes += _warned(runs)
     if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
         runs, left_out = _resolved(model, part, logs, lowpass, runs)
         notes += left_out
@@ -168,6 +172,15 @@ def _seen_by(part: Part, logs: Sequence[Log], lowpass: float | None) -> str:
     return (
         f"{said}; on {by} that no fit saw it has {padded(scores[0]['cv_rmse'])} {part.unit} RMSE."
     )
+
+
+def _warned(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
+    """What speaks against the model on these runs, each sentence once; of many the first."""
+    said = [*dict.fromkeys(sentence for run in runs for sentence in run.warnings)]
+    told = [f"Warning: {sentence}." for sentence in said[:MOST_WARNED]]
+    if len(said) > MOST_WARNED:
+        told.append(f"{len(said) - MOST_WARNED} more warnings of this kind: predict says them all.")
+    return tuple(told)
 
 
 def _resolved(
@@ -217,7 +230,8 @@ def _predicted_run(
         )
     log = with_motion(prepared(log, part.preparations))
     load = load_of(model, part, log, source)
-    return located(model, part, log, made.measured, made.predicted, lowpass, load, noise)
+    run = located(model, part, log, made.measured, made.predicted, lowpass, load, noise)
+    return replace(run, warnings=made.warnings)
 
 
 def _noise_left(noise: Mapping[str, ChannelNoise], ways: Sequence[Preparation]) -> float:
@@ -453,11 +467,17 @@ def simulated(
         log = with_motion(log)
         nothing = np.zeros(len(log))
         load = load_of(model, part, log, source)
+        inputs = with_motion(prepared(log, part.preparations))
+        said = (*part_warnings(part), *range_warnings(part, inputs))
         runs.append(
-            ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
+            ComparedRun(
+                log, made.measured, made.simulated, nothing, load, velocity_noise(log), said
+            )
         )
     floor = resolution([run.measured for run in runs]) if channel == "output_position" else None
-    return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
+    return Compared(
+        tuple(runs), channel, unit, True, None, source, part.unit, floor, notes=_warned(runs)
+    )
 
 
 def simulated_elsewhere(logs: Sequence[Log], simulation: LogLike | Sequence[LogLike]) -> Compared:
