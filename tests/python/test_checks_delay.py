@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline.logs import Log
-from flexspline.logs.checks import check, check_runs
+from flexspline.logs.checks import check, check_runs, consistency
 from flexspline.logs.checks.consistency import (
     SURE,
     Delay,
@@ -259,3 +259,24 @@ def test_a_delay_that_all_or_no_runs_show_is_told_as_of_single_runs() -> None:
     assert late_in([recorded(1.0), recorded(1.5)]) == [*late_in([recorded(1.0)]),
                                                        *late_in([recorded(1.5)])]  # fmt: skip
     assert late_in([recorded(0.0), recorded(0.2)]) == ["", ""]
+
+
+def test_checks_and_fit_look_for_a_delay_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Delay | None] = []
+
+    def counted(*given: Any) -> Delay | None:
+        made.append(find_delay(*given))
+        return made[-1]
+
+    monkeypatch.setattr(consistency, "find_delay", counted)
+    log = recorded(15.0, noise=1e-4)
+    noise = 1e-4 * np.random.default_rng(6).normal(size=(2, len(log)))
+    columns = {
+        "output_position": log["output_position"] + noise[0],
+        "sensor_torque": log["output_velocity"] + noise[1],
+    }
+    log = log.with_columns(columns, note="noisy")
+    fit = flexspline.fit(["offset", "viscous_friction"], log, "sensor_torque")
+    (velocity,) = [one for one in fit.inputs if one.channel == "output_velocity"]
+    told = [one.seconds for one in made if one is not None and len(one.coefficients) == 1]
+    assert told == [velocity.delay] == [pytest.approx(0.03, abs=1e-3)]

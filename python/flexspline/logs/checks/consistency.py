@@ -54,6 +54,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,11 +126,17 @@ def velocity_of_position(log: Log) -> Iterator[Finding]:
 
 
 def velocity_delay(log: Log, channel: str) -> Delay | None:
-    """Delay of a velocity behind the derivative of its position; None where no run tells it."""
-    if channel not in log or PAIRS[channel] not in log:
-        return None
-    motion = motion_of(log, PAIRS[channel])
-    return None if motion is None else _behind(log, channel, motion)
+    """Delay of a velocity behind the derivative of its position; None where no run tells it.
+
+    Once for each log: checks and fits ask for the same.
+    """
+    kept = _DELAYS.setdefault(log, {})
+    if channel not in kept:
+        kept[channel] = _behind(log, channel)
+    return kept[channel]
+
+
+_DELAYS: WeakKeyDictionary[Log, dict[str, Delay | None]] = WeakKeyDictionary()
 
 
 def is_delay(late: Delay) -> bool:
@@ -139,7 +146,12 @@ def is_delay(late: Delay) -> bool:
     return known and abs(late.seconds) > 4 * late.error
 
 
-def _behind(log: Log, channel: str, motion: Motion) -> Delay | None:
+def _behind(log: Log, channel: str) -> Delay | None:
+    if channel not in log or PAIRS[channel] not in log:
+        return None
+    motion = motion_of(log, PAIRS[channel])
+    if motion is None:
+        return None
     within, step = _within(motion), median_step(motion.time)
     valid, velocity = motion.inside(within), motion.smooth(log[channel])
     return find_delay(
@@ -189,7 +201,7 @@ class Scale(NamedTuple):
 
 def _scale(log: Log, channel: str, motion: Motion) -> Scale | None:
     """Compare a velocity with its position's derivative; None where their delay is not told."""
-    late = _behind(log, channel, motion)
+    late = velocity_delay(log, channel)
     if late is None:
         return None
     velocity, valid = motion.smooth(log[channel]), motion.inside(_within(motion))
