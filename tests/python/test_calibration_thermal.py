@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import calibration_logs as bench
 import numpy as np
@@ -12,10 +14,11 @@ import pytest
 from calibration_logs import FULL_SCALE, QUIET, Array, Bench
 
 from flexspline import InputError, Thermistor, _core, calibrate
-from flexspline.calibration import regression
+from flexspline.calibration import regression, thermal
 from flexspline.calibration.result import CalibrationResult
 from flexspline.calibration.runs import CalibrationRun, calibration_runs
 from flexspline.calibration.thermal import count_temperatures
+from flexspline.least_squares.uncertainty import parameter_uncertainty
 
 FOUR_SIGMA = 4.0
 LAG, GRADIENT = 40.0, 0.05
@@ -295,3 +298,18 @@ def test_load_at_one_temperature_does_not_show_a_gain_against_temperature() -> N
     said = " ".join(str(made).split("\n\n")[0].split())
     assert "do not show: thermal hysteresis, gain against temperature" in said
     assert "gain against temperature" not in str(warm_loads(0.0, 3))
+
+
+def test_both_tests_of_a_sensor_take_noise_and_errors_from_one_function(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    callers = []
+
+    def noted(*given: Any, **named: Any) -> Any:
+        callers.append(sys._getframe(1).f_code.co_name)
+        return parameter_uncertainty(*given, **named)
+
+    monkeypatch.setattr(thermal, "parameter_uncertainty", noted)
+    made = warm_loads(1e-3, 3)
+    assert made.zero_test is not None and made.gain_test is not None
+    assert len(callers) == 2 and len(set(callers)) == 1

@@ -329,19 +329,12 @@ def zero_test(runs: Sequence[CalibrationRun], made: Regression) -> ZeroTest | No
     shape = replace(made.shape, sensitivity=True, contrasts=contrast_names(runs))
     still = [_still(run) for run in runs]
     rows = [rows_of(run, shape) for run in still]
-    wide, left, beside = beside_structure(still, rows, made.residuals)
-    own = slice(shape.shared, len(shape.names))
-    combinations = _testable(beside, own)
-    if not len(combinations):
+    tested = _wald_test(still, rows, made.residuals, slice(shape.shared, len(shape.names)))
+    if tested is None:
         return ZeroTest(1.0, 0, 0.0)
-    every = 1 + sum(len(run) for run in runs) // LONG
-    noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=every)
-    known = parameter_uncertainty(chunks_of(runs, wide, left), beside.basis, noise)
-    values = combinations @ beside.coefficients[own]
-    shifts = contrasts(len(runs)) @ combinations.T @ values
-    return ZeroTest(
-        _chance(values, combinations, known, own), len(combinations), float(np.ptp(shifts))
-    )
+    shown = tested.combinations @ tested.coefficients
+    shifts = contrasts(len(runs)) @ tested.combinations.T @ shown
+    return ZeroTest(tested.p, len(tested.combinations), float(np.ptp(shifts)))
 
 
 @dataclass(frozen=True)
@@ -371,24 +364,54 @@ def gain_test(runs: Sequence[CalibrationRun], made: Regression) -> GainTest | No
     if warmth is None or not made.shape.sensitivity:
         return None
     rows = [rows_of(run, made.shape) for run in still]
-    wide, left, beside = beside_structure(still, rows, made.residuals)
-    own = slice(len(beside.coefficients) - 1, len(beside.coefficients))
+    tested = _wald_test(still, rows, made.residuals, slice(-1, None))
+    if tested is None:
+        return None
+    unit = float(made.coefficients[0]) * largest_of(still) * warmth.span
+    half = 0.5 * warmth.span
+    return GainTest(
+        float(tested.coefficients[0]) / unit,
+        float(tested.errors[0]) / abs(unit),
+        tested.p,
+        warmth.middle - half,
+        warmth.middle + half,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class WaldTest:
+    """Coefficients (R,) with their standard errors, and L, (q, R): what the runs tell of them.
+
+    `p`: chance of such L a where all coefficients are zero.
+    """
+
+    coefficients: Array
+    errors: Array
+    combinations: Array
+    p: float
+
+
+def _wald_test(
+    runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array], own: slice
+) -> WaldTest | None:
+    """Test columns beside all others and those of structure; None where these can take them over.
+
+    Parameters
+    ----------
+    runs : quiet ones.
+    rows : (N, P) for each run; residuals: (N,), V.
+    own : the columns that are tested, of these and of those of structure, in this order.
+    """
+    wide, left, beside = beside_structure(runs, rows, residuals)
     combinations = _testable(beside, own)
     if not len(combinations):
         return None
     every = 1 + sum(len(run) for run in runs) // LONG
     noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=every)
     known = parameter_uncertainty(chunks_of(runs, wide, left), beside.basis, noise)
-    values = combinations @ beside.coefficients[own]
-    unit = float(made.coefficients[0]) * largest_of(still) * warmth.span
-    half = 0.5 * warmth.span
-    return GainTest(
-        float(beside.coefficients[own][0]) / unit,
-        float(known.standard_errors[own][0]) / abs(unit),
-        _chance(values, combinations, known, own),
-        warmth.middle - half,
-        warmth.middle + half,
-    )
+    values = beside.coefficients[own]
+    p = _chance(combinations @ values, combinations, known, own)
+    return WaldTest(values, known.standard_errors[own], combinations, p)
 
 
 def _chance(values: Array, combinations: Array, known: Uncertainty, own: slice) -> float:
