@@ -10,6 +10,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Sequence
+from decimal import Decimal
 from typing import Any, TypeVar
 
 from flexspline.errors import printable
@@ -30,12 +31,14 @@ __all__ = [
     "sentences_text",
     "short",
     "short_names",
+    "span",
     "table_html",
     "told_apart",
     "truncated",
 ]
 
 INDENT = "    "  # of a function's docstring
+SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 FINEST = 1e-6  # an error below this part of its value is shown as "below"
 
 
@@ -62,6 +65,23 @@ def plus_minus(value: float, error: float) -> str:
     text = re.sub(r"^(\(?)-(0(\.0+)?) ± ", r"\1\2 ± ", text)
     zero = re.fullmatch(r"\(0(?:\.0+)? ± ([\d.]+)\)·10([¹²³])", text)  # 0·10¹ is no number
     return f"0 ± {float(zero[1]) * 10 ** ('¹²³'.index(zero[2]) + 1):.0f}" if zero else text
+
+
+def span(low: float, high: float, error: float) -> str:
+    """Return "0.298 to 0.306", ends of an interval rounded as `plus_minus` rounds a value.
+
+    Both have the decimals and the power of ten of the larger one beside `error`; six digits, or as
+    many as tell them apart, where that shows too little.
+    """
+    top = max(low, high, key=abs)
+    if not error > FINEST * abs(top):
+        return " to ".join(told_apart([low, high], 6))
+    text, _ = apart(plus_minus(top, error))
+    mantissa, ten, power = text.partition("·10")
+    decimals = len(mantissa.partition(".")[2])
+    places = int(power.translate(SUPERSCRIPTS) or 0)
+    shown = (round(Decimal(end).scaleb(-places), decimals) + 0 for end in (low, high))  # no −0.00
+    return " to ".join(f"{end:.{decimals}f}{ten}{power}" for end in shown)
 
 
 def apart(text: str) -> tuple[str, str]:

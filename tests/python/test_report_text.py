@@ -13,12 +13,13 @@ from golden_texts import NUMBER, is_as_kept
 
 from flexspline import fit
 from flexspline.comparison.covariates import labels_of
-from flexspline.formatting import percent, plus_minus, short_names, told_apart, truncated
+from flexspline.formatting import percent, plus_minus, short_names, span, told_apart, truncated
 from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.least_squares.validation import bands
 from flexspline.logs import Log
 from flexspline.report.text import _grade as grade
+from flexspline.report.text import _interval as interval
 from flexspline.report.text import fit_text
 
 FITS: dict[str, Callable[[], Fit]] = {
@@ -141,6 +142,48 @@ def test_what_is_explained_a_little_is_not_called_nothing() -> None:
 )
 def test_value_and_error_are_rounded_together(value: float, error: float, text: str) -> None:
     assert plus_minus(value, error) == text
+
+
+@pytest.mark.parametrize("power", range(-30, 31))
+def test_an_interval_is_rounded_as_the_value_beside_it_whatever_its_size(power: int) -> None:
+    some = report_fits.plain_fit().parameters[0]
+    rng = np.random.default_rng(power + 30)
+    for _ in range(50):
+        value = float(rng.uniform(-10.0, 10.0) * 10.0**power)
+        error = float(abs(value) * 10.0 ** rng.uniform(-5.0, 2.0))
+        low, high = value - 2.0 * error, value + 2.0 * error
+        made = replace(some, value=value, standard_error=error, interval=(low, high))
+        text = interval(made)
+        assert len(text) <= 40
+        ends = [number_in(end) for end in text.split(" to ")]
+        # half a unit of the last digit, which the errors' two digits 10 to 35 or one digit tell
+        assert ends == pytest.approx([low, high], rel=1e-12, abs=0.15 * error)
+        assert ends[0] < ends[1]
+
+
+def number_in(text: str) -> float:
+    """The number that "1.23·10⁻⁵" is."""
+    mantissa, _, power = text.partition("·10")
+    digits = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+    return float(f"{mantissa}e{power.translate(digits) or 0}")
+
+
+@pytest.mark.parametrize(
+    ("ends", "error", "text"),
+    [
+        ((0.2981, 0.3069), 0.0022, "0.2981 to 0.3069"),
+        ((8e-13, 1.6e-12), 2e-13, "0.80·10⁻¹² to 1.60·10⁻¹²"),
+        ((-2e-5, 1e-7), 1e-5, "-2.0·10⁻⁵ to 0.0·10⁻⁵"),
+        ((-0.0001, 0.1), 0.05, "0.00 to 0.10"),
+        ((0.5, 0.5), 0.0, "0.5 to 0.5"),
+        ((1.0, 1.0 + 1e-9), 3e-10, "1 to 1.000000001"),
+        ((0.2, 3.9e154), 3.0, "0.2 to 3.9e+154"),
+    ],
+)
+def test_both_ends_have_one_power_of_ten(
+    ends: tuple[float, float], error: float, text: str
+) -> None:
+    assert span(*ends, error) == text
 
 
 def test_a_share_is_never_rounded_up_to_all() -> None:

@@ -27,6 +27,7 @@ from flexspline.formatting import (
     rows_text,
     short,
     short_names,
+    span,
     table_html,
 )
 from flexspline.least_squares.likelihood import why_none
@@ -493,11 +494,7 @@ def unknown_error(parameter: Parameter) -> bool:
 
 
 def _interval(parameter: Parameter) -> str:
-    low, high = parameter.interval
-    if not np.isfinite(parameter.stderr):
-        return ""
-    digits = max(0, min(9, 1 - int(np.floor(np.log10(max((high - low) / 4.0, 1e-9))))))
-    return f"{low:.{digits}f} to {high:.{digits}f}"
+    return span(*parameter.interval, parameter.stderr) if np.isfinite(parameter.stderr) else ""
 
 
 def _error(error: float) -> str:
