@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.formatting import plus_minus
 from flexspline.logs.checks.consistency import MOST_ROWS, SURE, WITHIN, block_error, motion_columns
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.samples import Motion, motion_of
@@ -348,7 +349,7 @@ def late(log: Log, measured: Array, simulated: Array, what: str) -> Iterator[Fin
         (0, len(log)),
         seconds,
         "s",
-        f"the {what} is {1e3 * abs(seconds):.3g} ± {1e3 * error:.1g} ms {way} the simulated one; "
+        f"the {what} is {plus_minus(1e3 * abs(seconds), 1e3 * error)} ms {way} the simulated one; "
         "that is reported and not taken away.",
         "If a clock or a filter makes it, align the time stamps and run again.",
     )

@@ -144,7 +144,7 @@ def test_a_position_that_no_encoder_reads_is_named_before_it_is_derived(
     rig: tuple[Path, Path],
 ) -> None:
     log = spoilt(short(rig[0], 400), "output_position", 7, 1e308)
-    with pytest.raises(InputError, match=r"row 7: output_position is 1e\+308, beyond"):
+    with pytest.raises(InputError, match=r"row 7: output_position is 1e\+308 rad, beyond"):
         differentiate(log)
 
 

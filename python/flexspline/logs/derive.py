@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, listed
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import IMAGINABLE, LATEST, Log
 from flexspline.logs.packed import memory_limit, require_memory
@@ -282,7 +283,8 @@ def _usable(log: Log, channel: str) -> tuple[Array, Array]:
     bad = np.flatnonzero(~(np.abs(values) <= (LATEST if channel == "time" else IMAGINABLE)))
     if bad.size:
         wrong = values[bad[0]]
-        what = f"{wrong:.4g}, beyond any instrument" if np.isfinite(wrong) else "not finite"
+        beyond = f"{wrong:.4g} {CHANNELS[channel].unit}, beyond any instrument"
+        what = beyond if np.isfinite(wrong) else "not finite"
         raise InputError(
             f"{log.name}, row {int(bad[0])}: {channel} is {what}; repair it with drop_invalid."
         )

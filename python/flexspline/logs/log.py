@@ -419,9 +419,10 @@ def _positive(key: str, value: Any, label: str, most: float) -> float:
     if not (number > 0 and math.isfinite(number)):
         raise InputError(f"{label}: {key} is {shortened(repr(value))}; give a positive number")
     if not 1.0 / most <= number <= most:
+        unit = " Nm/A" if key == "torque_constant" else ""
         raise InputError(
-            f"{label}: {key} is {number:g}, which no joint has; give one from {1.0 / most:.3g} to "
-            f"{most:.3g}"
+            f"{label}: {key} is {number:g}{unit}, which no joint has; give one from "
+            f"{1.0 / most:.3g} to {most:.3g}{unit}"
         )
     return number
 

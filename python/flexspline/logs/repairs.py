@@ -185,7 +185,8 @@ def _drop_clipped(log: Log, value: str) -> Log:
     channel, limit = _channel_and_number("drop_clipped", value)
     clipped = log[channel] == limit
     note = (
-        f"drop_clipped: rows in which {channel} is {limit:g}, dropped: {np.count_nonzero(clipped)}"
+        f"drop_clipped: rows in which {channel} is {limit:g} {CHANNELS[channel].unit}, dropped: "
+        f"{np.count_nonzero(clipped)}"
     )
     return _kept(log, ~clipped, "drop_clipped", note)
 

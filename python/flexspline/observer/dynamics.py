@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.formatting import plus_minus
 
 __all__ = [
     "COMPONENTS",
@@ -270,7 +271,7 @@ class Wrench:
                 middle = np.median(self.values[known, k])
                 spread = np.median(self.deviation[known, k])
                 share = "" if known.all() else f", known in {known.mean():.0%} of the samples"
-                lines.append(f"  {name}: median {middle:.4g} ± {spread:.2g} {unit}{share}")
+                lines.append(f"  {name}: median {plus_minus(middle, spread)} {unit}{share}")
         if self.unknown:
             least = int(self.rank.min())
             lines.append(

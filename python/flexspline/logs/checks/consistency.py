@@ -59,6 +59,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding, Findings, sorted_findings
 from flexspline.logs.checks.samples import Motion, motion_of, unwrapped
@@ -380,10 +381,14 @@ def late_velocity(log: Log, channel: str, late: Delay, others: str = "") -> Find
         (0, len(log)),
         delay,
         "s",
-        f"{channel} is {1e3 * abs(delay):.3g} ± {1e3 * late.error:.1g} ms {way} against the "
-        f"derivative of {PAIRS[channel]}.{others}",
+        f"{channel} is {_milliseconds(abs(delay), late.error)} {way} against the derivative of "
+        f"{PAIRS[channel]}.{others}",
         f"Ask for the repair velocity_from_position={channel}, or shift={channel}:{delay:.4g}.",
     )
+
+
+def _milliseconds(seconds: float, error: float) -> str:
+    return f"{plus_minus(1e3 * seconds, 1e3 * error)} ms"
 
 
 def _unrelated(log: Log, channel: str, explained: float) -> Finding:
@@ -476,8 +481,8 @@ def gear(log: Log) -> Iterator[Finding]:
             rows,
             abs(found.delay),
             "s",
-            f"{which} is {1e3 * abs(found.delay):.3g} ± {1e3 * found.delay_error:.1g} ms late "
-            f"against the other encoder: their difference grows with velocity.",
+            f"{which} is {_milliseconds(abs(found.delay), found.delay_error)} late against the "
+            f"other encoder: their difference grows with velocity.",
             f"Ask for the repair shift={which}:{abs(found.delay):.3g}.",
         )
 
@@ -497,7 +502,7 @@ def _not_stated(log: Log, found: Gear) -> Finding:
 
 
 def _measured(found: Gear) -> str:
-    return f"{abs(found.ratio):.5g} ± {max(found.ratio_error, 1e-6):.1g}"
+    return plus_minus(abs(found.ratio), max(found.ratio_error, 1e-6))
 
 
 def _ratio(log: Log, found: Gear) -> Iterator[Finding]:
@@ -619,9 +624,10 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
     unit = CHANNELS[channel].unit
     if found.friction > -SURE * found.friction_error:
         return
-    level = f"friction of {found.friction:.3g} ± {found.friction_error:.1g} {unit}"
+    level = f"friction of {plus_minus(found.friction, found.friction_error)} {unit}"
     if found.inertia < -SURE * found.inertia_error:
-        level += f", inertia of {found.inertia:.3g} ± {found.inertia_error:.1g} {unit}/(rad/s²)"
+        inertia = plus_minus(found.inertia, found.inertia_error)
+        level += f", inertia of {inertia} {unit}/(rad/s²)"
     drive = channel in DRIVE
     if drive and found.inertia > SURE * found.inertia_error:
         return  # a flipped mass is negative: the load drives this motor
@@ -766,8 +772,8 @@ def _late_torque(
         (0, len(log)),
         found.seconds,
         "s",
-        f"{channel} is {1e3 * found.seconds:.3g} ± {1e3 * found.error:.1g} ms late against the "
-        f"motion: a sensor or filter lags, or the joint gives before it slips (presliding).",
+        f"{channel} is {_milliseconds(found.seconds, found.error)} late against the motion: a "
+        f"sensor or filter lags, or the joint gives before it slips (presliding).",
         f"If it is a lag, ask for the repair shift={channel}:{found.seconds:.3g}.",
     )
 
@@ -789,9 +795,9 @@ def _late_drive(log: Log, channel: str, late: Delay) -> Finding:
         (0, len(log)),
         late.seconds,
         "s",
-        f"{channel} is {1e3 * late.seconds:.3g} ± {1e3 * late.error:.1g} ms late against the "
-        f"motion at all speeds: its filter or its recorder delays it, and a fit takes that for "
-        f"inertia and friction.",
+        f"{channel} is {_milliseconds(late.seconds, late.error)} late against the motion at all "
+        f"speeds: its filter or its recorder delays it, and a fit takes that for inertia and "
+        f"friction.",
         f"Ask for the repair shift={channel}:{late.seconds:.3g}.",
     )
 

@@ -374,7 +374,7 @@ def acceleration(_: Log, motion: Motion | None) -> Lack | None:
             break
         bandwidth = max(bandwidth / 2, lowest)
         derived = motion.derivative(2, bandwidth)
-    share = f"{noise:.3g}" if noise < size else "all"
+    share = f"{noise:.3g} rad/s²" if noise < size else "all"
     return (
         size,
         "rad/s²",
