@@ -157,6 +157,12 @@ def test_ripple_of_the_output_over_part_of_a_turn_is_found(seed: int) -> None:
     assert made.right and "output_ripple" in made.names, made
 
 
+@pytest.mark.parametrize("seed", [1777, 1813, 1881])
+def test_another_turn_of_friction_in_a_recorded_drive_is_no_effect(seed: int) -> None:
+    """1777 takes its level later, presliding at 29 %; the others sooner, Stribeck at 94 %."""
+    assert elsewhere(seed).right
+
+
 def test_a_small_bump_at_one_angle_is_no_ripple_of_four_orders() -> None:
     """Four orders told t = 13 of it, one place more than these; it was a ripple at 99 %."""
     made = elsewhere(926)

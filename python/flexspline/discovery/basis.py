@@ -22,6 +22,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.special import erf
 
 from flexspline.discovery.physics import WIDTH, fastest_of
 from flexspline.discovery.settings import SETTINGS
@@ -32,8 +33,8 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
-__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "BasisFunctions", "Functions", "bent_forms",
-           "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
+__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "TURNS", "BasisFunctions", "Functions",
+           "bent_forms", "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
            "values_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -43,6 +44,12 @@ MOST_ROWS = round(SETTINGS.rows / SETTINGS.negligible)
 LEAD = 2 * SETTINGS.rows
 """Before a stretch of a part of a run, from which memory is followed."""
 PAST = " behind each lag"
+TURNS: tuple[Callable[[Array], Array], ...] = (
+    lambda speed: np.asarray(speed / np.hypot(speed, 1.0)),
+    lambda speed: np.asarray(erf(0.5 * np.sqrt(np.pi) * speed)),
+)
+"""Ways to turn over from −1 to 1 with a speed in widths, as steep at rest as tanh: one that takes
+its level later, and a sign seen through Gaussian errors of the speed, which takes it sooner."""
 
 
 def past_of(
@@ -301,7 +308,7 @@ def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
 
 
 def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | None:
-    """Another way in which sliding friction takes its level: algebraic where the effect's is tanh.
+    """Return other ways (`TURNS`) in which sliding friction takes its level: the effect's is tanh.
 
     None where no effect is sliding friction, or the speed is not measured.
     """
@@ -311,10 +318,9 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | Non
     width = widths[0]
 
     def columns(values: Values) -> Array:
-        v = values["output_velocity"]
-        return np.asarray(v / np.hypot(v, width))[:, None]
+        return np.column_stack([turned(values["output_velocity"] / width) for turned in TURNS])
 
-    return Functions((BasisFunctions(("output_velocity",), columns, 1),))
+    return Functions((BasisFunctions(("output_velocity",), columns, len(TURNS)),))
 
 
 def _memory(name: str) -> BasisFunctions:

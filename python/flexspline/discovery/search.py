@@ -20,7 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import LEAD, Functions, bent_forms, places_of, turning_over
+from flexspline.discovery.basis import (
+    LEAD,
+    TURNS,
+    Functions,
+    bent_forms,
+    places_of,
+    turning_over,
+)
 from flexspline.discovery.candidates import (
     ONE_SINE,
     Candidate,
@@ -47,11 +54,16 @@ from flexspline.discovery.physics import (
     driving_spring,
     falling_power,
     impossible,
-    level_of,
 )
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect, Harmonic
-from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK, WAVE_GENERATOR_RIPPLE
+from flexspline.effects.causes import (
+    COULOMB,
+    GRAVITY,
+    PRESLIDING,
+    STRIBECK,
+    WAVE_GENERATOR_RIPPLE,
+)
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
@@ -507,8 +519,8 @@ class Searcher:
     ) -> float:
         """What the forms of names may miss, χ²; 0 if an effect is clear beside freed forms.
 
-        ∞ where what bends friction over the speed is no more than how friction turns over at rest,
-        as the model says it does: not where its width stands at a bound.
+        ∞ where what bends friction over the speed, or behind a reversal, is no more than how it
+        turns over at rest, as the model says it does: not where its width stands at a bound.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
@@ -519,10 +531,9 @@ class Searcher:
         least = threshold(len(effect.terms), 1.0, len(dictionary.candidates))
         rest = [e for e in work.effects if e.name != effect.name]
         poor = any(work.searched[k].name == WIDTH for k in work.bound)  # a better one is no wider
-        asked = {*effect.reads} == {SPEED} and not poor
-        turning = turning_over(problem, rest) if asked else None
+        turning = turning_over(problem, rest) if _at_reversals(effect) and not poor else None
         more = rows_of(self.context.problem) / rows_of(problem)
-        alike = [e for e in rivals if {*e.reads} == {SPEED}]
+        alike = [e for e in rivals if _at_reversals(e)]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
         if gain >= most:
@@ -568,14 +579,16 @@ class Searcher:
     ) -> dict[Effect, float]:
         """What each effect alone gains beside a model and columns that are given.
 
-        `turning`: whether friction turns over by these; it never exceeds its level, as Stribeck's.
+        `turning`: whether friction turns over by these (`TURNS`). It never exceeds its level then,
+        as Stribeck's does.
         """
         table = tabulated(problem, work.assembly(beside=effects, given=given), self.whitening)
-        ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
+        owners = work.owners()
+        ends = np.cumsum([len(owners), *(len(effect.terms) for effect in effects)])
         model = np.delete(np.arange(len(table.total) - 1), np.arange(ends[0], ends[-1]))
         left, raw = table.without(model), np.diag(table.total)
-        exceeds = turning and solved(table.total, model)[-1] * level_of(work, COULOMB) < 0.0
-        beside = {STRIBECK: table.without(model[:-1])} if exceeds else {}
+        exceeds = turning and _exceeds(solved(table.total, model), owners.index(COULOMB))
+        beside = {STRIBECK: table.without(model[: len(owners)])} if exceeds else {}
         own = zip(effects, ends, ends[1:], strict=False)
         return {
             e: gain_of(beside.get(e.name, left), np.arange(first, last), raw)[0]
@@ -707,3 +720,19 @@ def freedom(effect: Effect) -> int:
     """
     own = [shape for shape in effect.fitted_shapes if shape.name not in SHARED]
     return (1 if effect.name in LOOPS else len(effect.terms)) + len(own)
+
+
+def _at_reversals(effect: Effect) -> bool:
+    """Whether an effect may look like another way in which friction turns over at rest."""
+    return {*effect.reads} == {SPEED} or effect.name == PRESLIDING
+
+
+def _exceeds(beta: Array, sliding: int) -> bool:
+    """Whether sliding friction that turns over by tanh and other ways exceeds its level.
+
+    `beta`: coefficients of a model whose last columns are `TURNS`; `sliding`: which is tanh.
+    """
+    speed = np.linspace(0.0, SETTINGS.points, SETTINGS.rows)
+    weights = np.array([beta[sliding], *beta[-len(TURNS) :]])
+    level = weights @ [np.tanh(speed), *(turn(speed) for turn in TURNS)]
+    return bool(np.abs(level).max() > (1.0 + SETTINGS.negligible) * abs(weights.sum()))
