@@ -228,12 +228,18 @@ def _overtones(work: CandidateModel, effect: Effect, other: Effect) -> list[Harm
     return [harmonic for harmonic, size in doubled if size > mine.get(harmonic, np.inf)]
 
 
-def simplest(searcher: Searcher, work: CandidateModel) -> CandidateModel:
-    """Replace each name by the equal with fewest coefficients: of equals the plainest is said."""
+def simplest(
+    searcher: Searcher, work: CandidateModel, rejected: Sequence[str] = ()
+) -> CandidateModel:
+    """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
+
+    By none that was rejected.
+    """
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
         equals = [r.effect for r in rivals
-                  if not r.more and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
+                  if not r.more and r.name not in rejected
+                  and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break
@@ -369,6 +375,18 @@ class Analysis:
         """As `unexplained_by`, of the final model."""
         return unexplained_by(self.part, self.base, self.final, self.whitening, self.leftover)
 
+    @property
+    def answers(self) -> bool:
+        """Whether names explain more than is left unexplained, or nearly all of the target."""
+        problem = self.context.problem
+        return self.unexplained <= 0.5 or closes_most(problem, self.base, self.final)
+
+    def closes_most(self, name: str) -> bool:
+        """Whether next to nothing is left of what would be without a name (`closes_most`)."""
+        problem, rest = self.context.problem, self.final.without(name)
+        rest, _ = solved_at(problem, rest, plain_rows(problem, self.final))
+        return closes_most(problem, rest, self.final)
+
     def unexplained_beyond(self, given: str) -> float:
         """As `unexplained`, where what an effect of the base closes counts as explained too."""
         base, _ = self.searcher.fitted(self.base.without(given))
@@ -448,7 +466,11 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         whole.orders = context.orders
         kept, leftover, rejected = _without_spurious(searcher, bound, base, final)
         strong = final.named and bound.share * leftover.net > SETTINGS.certain**2
-        hopeless = strong and unexplained_by(context, base, kept, whitening, leftover) > 0.5
+        hopeless = (
+            strong
+            and unexplained_by(context, base, kept, whitening, leftover) > 0.5
+            and not closes_most(context.problem, base, kept)
+        )
         searcher = replace(searcher, context=whole)
         base, _ = searcher.fitted(base)
         if hopeless:
@@ -460,7 +482,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     say("what is left")
     final, leftover, more = _without_spurious(searcher, bound, base, final)
     rejected += more
-    plain = searcher.pruned(simplest(searcher, final))
+    plain = searcher.pruned(simplest(searcher, final, rejected))
     if plain is not final:
         final, leftover = plain, leftover_of(bound, plain)
     for effect in final.named:
@@ -496,6 +518,17 @@ def unexplained_by(
     return float(min(leftover.share if share is None else share, 1.0))
 
 
+def closes_most(problem: Problem, rest: CandidateModel, work: CandidateModel) -> bool:
+    """Whether a model leaves next to nothing of what a lesser one does, held out in Nm.
+
+    What it has more than that is no part of what is left then. In the noise's own metric that may
+    seem to be more: what is sharp counts for most there, though it may be little of the torque.
+    """
+    plain = plain_rows(problem, work)
+    before, after = (held_out(problem, one, plain).squares for one in (rest, work))
+    return before - after >= SETTINGS.most * before
+
+
 def _without_spurious(
     searcher: Searcher, bound: ExplainableBound, base: CandidateModel, final: CandidateModel
 ) -> tuple[CandidateModel, Leftover, list[str]]:
@@ -523,10 +556,11 @@ def _small(
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
     Nor may such a name close half of what is left without it. The gap is what names and flexible
-    functions explain. Where names explain more than half of it in the noise's own metric, but not
-    nearly all, held-out folds decide in the target's unit, which shows less of what a form misses.
+    functions explain. Where names do not explain nearly all of it in the noise's own metric,
+    held-out folds decide in the target's unit, which shows less of what a form misses: by all that
+    the target has where names do not even explain half.
     """
-    if not final.named or leftover.share >= 0.5:
+    if not final.named:
         return None
     plain, functions = plain_rows(problem, final), Functions(leftover.groups)
 
@@ -535,7 +569,7 @@ def _small(
 
     before, after = left(base), left(final)
     if leftover.share > 1.0 - SETTINGS.most:
-        floor = min(left(final, functions), after)
+        floor = min(left(final, functions), after) if leftover.share < 0.5 else 0.0
         if before - after < SETTINGS.most * (before - floor):
             return None
     found = []

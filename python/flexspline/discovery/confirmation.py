@@ -201,7 +201,7 @@ def confirmed(
 def _answering(made: Analysis) -> Analysis:
     """Without its names where more is unexplained than explained: no answer stands beside that."""
     names = [effect.name for effect in made.final.named]
-    if not names or made.unexplained <= 0.5:
+    if not names or made.answers:
         return made
     made.searcher.refused.update(dict.fromkeys(names, LESSER))
     return made.without(*names)
@@ -271,10 +271,10 @@ def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     """The last name that shows no more in the final fit than forms of others may miss; "" of none.
 
-    What is certain may be small beside a large one.
+    What is certain may be small beside a large one: one that lowers the held-out error by no less.
     """
     for one in reversed(shown):
-        others = [other for other in shown if other is not one]
+        others = [other for other in shown if other is not one and other.fall >= one.fall]
         shares = (share_missed(o.effect, one.effect, made.tied) * o.square for o in others)
         if one.square < min(SETTINGS.certain**2, max(shares, default=0.0)):
             return one.effect.name
@@ -367,14 +367,16 @@ def _better_equal(made: Analysis, rivals: Mapping[str, Sequence[Rival]]) -> Anal
     """The analysis with an effect in the place of a name from which these runs do not distinguish
     it, where it predicts rows held out significantly better; None of none.
 
-    It has no more coefficients: what may follow more may follow what else is missing, too.
+    It has no more coefficients: what may follow more may follow what else is missing, too. The same
+    to three digits is no better: two forms of one function differ by how well each was solved.
     """
+    least = SETTINGS.negligible * made.after.rmse**2
     for named in made.final.named:
         equals = [r.effect for r in rivals[named.name] if r.alias and not r.more]
         for effect in (e for e in equals if freedom(e) <= freedom(named)):
             trial, _ = made.searcher.fitted(in_place_of(made.final, named.name, effect))
             fall, error = _fall(made.after, made.left_by(trial))
-            if fall > SETTINGS.told * error:
+            if fall > max(SETTINGS.told * error, least):
                 return _in_order(made.of(trial))
     return None
 
@@ -385,10 +387,12 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
     gain, left = dictionary.gain(name), made.leftover
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases = sum(rival.alias for rival in rivals)
-    retained = left.retained.get(name, 1.0)
+    retained, beside = left.retained.get(name, 1.0), left.gain
+    if beside > SETTINGS.bends * gain and made.closes_most(name):
+        retained, beside = 1.0, 0.0  # it is no part of what is left
     return Sure(
-        confidence(gain, above, retained, left.gain, aliases),
-        doubt(gain, retained, left.gain, left.channels),
+        confidence(gain, above, retained, beside, aliases),
+        doubt(gain, retained, beside, left.channels),
     )
 
 
