@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 import warnings
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -58,7 +57,7 @@ def _motion(args: Any, given: dict[str, Any], old: dict[str, Any]) -> Fit:
     known = {field.name for field in fields(MotionOptions)}
     priors = {"priors": given.pop("priors")} if "priors" in given else {}
     others = {name: old.pop(name) for name in [*old] if name not in known} | priors
-    if refused := [name for name, value in others.items() if value and value != math.inf]:
+    if refused := [name for name, value in others.items() if value]:
         raise InputError(f"a fit of the motion takes no {_listed(refused)}; leave it out")
     return fit_motion(*args, **given, controller=controller, options=MotionOptions(**old))
 

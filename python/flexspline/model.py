@@ -26,6 +26,7 @@ from flexspline.effects.causes import (
     INERTIA,
     OFFSET,
     POLYNOMIAL_FRICTION,
+    PRESLIDING,
     VISCOUS,
 )
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean, listed, shortened
@@ -67,6 +68,7 @@ __all__ = [
     "require_model",
     "rows_outside",
     "sign_warnings",
+    "sliding_weights",
     "undetermined_gravity",
     "weight_left_out",
     "widened",
@@ -761,16 +763,25 @@ def negative_terms(part: Part, *, significant: bool = False) -> list[NegativeTer
 
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
     what corrects a foreign simulation may be too much in that. A coefficient that the runs do not
-    determine by itself has no sign. `significant`: those alone.
+    determine by itself has no sign. Beside presliding, Coulomb friction is a share of what slides,
+    and the sum is what has a sign (`sliding_weights`). `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
     entries = part.record.get("parameters", ())
     hidden = {p["name"] for p in entries if p["state"] == HIDDEN}
     near = {p["name"] for p in entries if not _significant(p)}
+    weights = sliding_weights(part)
+    shares = dict.fromkeys(name.split(".")[0] for name in weights)
     found = []
+    if weights and not hidden.intersection(weights):
+        value, sure = _sliding(part, weights)
+        if value < 0.0 and (sure or not significant):
+            found.append(NegativeTerm(" + ".join(shares), value, "Nm", "friction", sure))
     for effect, values in part.by_effect():
         if hidden.intersection(f"{effect.name}.{term.name}" for term in effect.terms):
+            continue
+        if effect.name in shares:
             continue
         unit, name = effect.terms[0].unit if effect.terms else "", effect.name
         what = name.rpartition("_")[2]  # friction or inertia
@@ -785,6 +796,39 @@ def negative_terms(part: Part, *, significant: bool = False) -> list[NegativeTer
         if value < 0.0 and (sure or not significant):
             found.append(NegativeTerm(short_names(name), value, unit, what, sure))
     return found
+
+
+def sliding_weights(part: Part) -> dict[str, float]:
+    """Return what each coefficient counts in the friction that slides, where that is a sum.
+
+    The springs of presliding slip once the joint slides, and Coulomb friction has its level there,
+    so the split depends on the widths, and physics bounds the sum alone. Empty without both.
+    """
+    effects = {effect.name: effect for effect in part.effects}
+    coulomb = {COULOMB: (1.0,), COULOMB_PER_DIRECTION: (0.5, -0.5)}
+    if PRESLIDING not in effects or effects.keys().isdisjoint(coulomb):
+        return {}
+    springs = [1.0] * len(effects[PRESLIDING].terms)
+    return {
+        f"{name}.{term.name}": weight
+        for name, weights in {**coulomb, PRESLIDING: springs}.items()
+        if name in effects
+        for term, weight in zip(effects[name].terms, weights, strict=True)
+    }
+
+
+def _sliding(part: Part, weights: Mapping[str, float]) -> tuple[float, bool]:
+    """The friction that slides, and whether it is told from zero by its error, if that is known."""
+    coefficients = {
+        f"{effect.name}.{term.name}": float(one)
+        for effect, values in part.by_effect()
+        for term, one in zip(effect.terms, values, strict=True)
+    }
+    value = sum(weight * coefficients[name] for name, weight in weights.items())
+    names, covariance = _covariance(part)
+    gradient = np.array([weights.get(name, 0.0) for name in names])
+    variance = float(gradient @ covariance @ gradient) if gradient.any() else float("nan")
+    return value, not value**2 <= TWO_SIDED_95**2 * variance
 
 
 def _unit(unit: str, part: Part) -> str:
@@ -832,11 +876,8 @@ def _significant(entry: Mapping[str, Any]) -> bool:
 
 def _weak_orders(part: Part) -> list[str]:
     """Orders whose cosine and sine together may as well be zero."""
-    known = part.record.get("covariance", {"names": [], "matrix": []})
-    place = {name: number for number, name in enumerate(known["names"])}
-    if [len(row) for row in known["matrix"]] != [len(place)] * len(place):
-        return []  # a file that was changed by hand
-    covariance = np.array(known["matrix"], dtype=np.float64)
+    names, covariance = _covariance(part)
+    place = {name: number for number, name in enumerate(names)}
     found = []
     for effect, values in part.by_effect():
         if effect.ripple:
@@ -847,6 +888,15 @@ def _weak_orders(part: Part) -> list[str]:
                 if len(at) == 2 and _near_zero(both, covariance[np.ix_(at, at)]):
                     found.append(f"{effect.name} order {order}")
     return found
+
+
+def _covariance(part: Part) -> tuple[list[str], Array]:
+    """Names of P parameters and their covariance (P, P); none in a file changed by hand."""
+    known = part.record.get("covariance", {"names": [], "matrix": []})
+    names = [*known["names"]]
+    if [len(row) for row in known["matrix"]] != [len(names)] * len(names):
+        names, known = [], {"matrix": []}
+    return names, np.array(known["matrix"], dtype=np.float64).reshape(len(names), len(names))
 
 
 def _near_zero(both: Array, covariance: Array) -> bool:

@@ -14,11 +14,12 @@ import pytest
 from calibration_logs import FULL_SCALE, QUIET, Array, Bench
 
 from flexspline import InputError, Thermistor, _core, calibrate
-from flexspline.calibration import regression, thermal
+from flexspline.calibration import regression, structure
 from flexspline.calibration.result import CalibrationResult
 from flexspline.calibration.runs import CalibrationRun, calibration_runs
 from flexspline.calibration.thermal import count_temperatures
 from flexspline.least_squares.uncertainty import parameter_uncertainty
+from flexspline.report.calibration import calibration_lines
 
 FOUR_SIGMA = 4.0
 LAG, GRADIENT = 40.0, 0.05
@@ -206,7 +207,7 @@ def test_the_least_of_several_minima_over_the_lag_is_found(monkeypatch: pytest.M
         narrow = 4.0 * (logarithm - np.log(LAG)) ** 2 - 0.1
         return SimpleNamespace(residual_squares=1.0 + min(wide, narrow, 1.0))
 
-    monkeypatch.setattr(regression, "sums_of", lambda runs, shape, edges: shape.lag)
+    monkeypatch.setattr(regression, "sums_of", lambda runs, shape, edges, structure: shape.lag)
     monkeypatch.setattr(regression, "solution_of", squares)
     monkeypatch.setattr(regression, "_limits", lambda runs: np.array([0.2, 150.0]))
     grid = np.linspace(np.log(0.2), np.log(150.0), regression.GRID)
@@ -309,7 +310,100 @@ def test_both_tests_of_a_sensor_take_noise_and_errors_from_one_function(
         callers.append(sys._getframe(1).f_code.co_name)
         return parameter_uncertainty(*given, **named)
 
-    monkeypatch.setattr(thermal, "parameter_uncertainty", noted)
+    monkeypatch.setattr(structure, "parameter_uncertainty", noted)
     made = warm_loads(1e-3, 3)
     assert made.zero_test is not None and made.gain_test is not None
-    assert len(callers) == 2 and len(set(callers)) == 1
+    assert len(callers) == 3 and set(callers) == {"wald_test"}  # and whether bend shows
+
+
+BENT = Bench(ripple=0.0, lag=LAG)
+
+
+def bent(seed: int, rig: Bench = BENT, moved: float = 0.0, **how: Any) -> CalibrationResult:
+    """Load at 25, 25 and 40 °C and one warm-up without load, whose zero has moved, V."""
+    loads = [
+        bench.load_run(rig, seed=10 * seed + k, count=1, temperature=warmth)
+        for k, warmth in enumerate((25.0, 25.0, 40.0))
+    ]
+    time = np.arange(0.0, 1800.0, 0.1)
+    warmth = 22.0 + 25.0 * -np.expm1(-time / 500.0)
+    warm = bench.recorded("warm", np.zeros(len(time)), warmth, rig, 10 * seed + 9)
+    volts = {"sensor_voltage": warm["sensor_voltage"] + moved}
+    logs = [*loads, warm.with_columns(volts, note="zeroed again")]
+    return calibrate(logs, thermal_lag="fit", full_scale=FULL_SCALE, **how)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_bend_and_hysteresis_of_load_runs_do_not_go_into_drift_and_lag(own: bool) -> None:
+    grid = np.array([22.0, 25.0, 40.0])
+    lags, drifts = [], []
+    for seed in range(10):
+        made = bent(seed, zero_per_run=own)
+        assert made.drift_beside_bend
+        lag = made["thermal_lag"]
+        lags.append((lag.value - LAG) / lag.standard_error)
+        slope = np.diff(made.drift_voltage(grid)[0] - bench.drift(grid))
+        drifts.append(np.abs(slope).max())
+    # the mean of 10 squares of a standard normal number is below 2.96 in 99.9 % of cases
+    assert np.mean(np.square(lags)) < 2.96
+    assert max(drifts) < 0.3 * 0.2 / bench.SENSITIVITY  # of the hysteresis
+    assert "found beside bend and hysteresis" in " ".join(str(made).split())
+
+
+def test_a_bend_is_no_zero_that_moved_and_needs_no_second_calibration() -> None:
+    made = bent(1)
+    assert made.zero_test is not None and not made.zero_test.moved
+    (said,) = [said for said in made.warnings if "a straight line is off" in said]
+    assert "the errors of sensitivity and zero hold the noise alone" in said
+    assert "calibrate the runs with load alone" not in said
+
+
+def test_a_line_without_bend_is_calibrated_as_before() -> None:
+    made = bent(1, replace(LAGGING, gradient=0.0))
+    assert not made.drift_beside_bend
+    assert "found beside bend" not in str(made)
+
+
+def test_a_lag_that_holds_a_zero_that_moved_says_so_in_its_own_line() -> None:
+    made = bent(1, moved=3e-3)
+    assert made.zero_test is not None and made.zero_test.moved
+    (line,) = [one for one in calibration_lines(made) if one.name == "thermal lag"]
+    assert "holds zeros that moved, its error does not" in line.remark and line.concern
+    assert any(
+        "drift, thermal lag and their errors hold the difference" in w for w in made.warnings
+    )
+    (line,) = [one for one in calibration_lines(bent(1)) if one.name == "thermal lag"]
+    assert "holds" not in line.remark and not line.concern
+
+
+def test_a_bend_that_no_run_tells_from_the_drift_is_said_in_the_line_of_the_drift() -> None:
+    torque = bench.stairs(bench.cycles(2), 6.0, 1.5)
+    warmth = 25.0 + 10.0 * (torque / FULL_SCALE) ** 2
+    rig = Bench(bend=1.0, thermometer=0.0, reference_noise=0.0)
+    made = calibrate(bench.recorded("one", torque, warmth, rig, 3), degree=1)
+    assert not made.drift_beside_bend and made.bend_taken
+    (line,) = [one for one in calibration_lines(made) if one.name == "drift 1"]
+    assert "may be a bend, its error does not hold that" in line.remark and line.concern
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_run_that_alone_determines_the_lag_is_not_held_out_as_a_whole(own: bool) -> None:
+    made = bent(2, zero_per_run=own)
+    assert made.validated_by == "blocks"
+    (instead,) = made.instead
+    assert instead.label == "warm" and "thermal_lag" in instead.names
+    assert made.cv_rmse < 2.0 * made.rmse
+    said = " ".join(str(made).split())
+    assert "No whole run is held out, for warm alone determines drift 1, drift 2" in said
+    named = "and warm, 0 to 224.9 s alone determines drift 1, drift 2, thermal lag." in said
+    assert named is bool(made.alone) is own  # beside a zero of its own its beginning tells all
+
+
+def test_a_part_that_alone_determines_the_drift_is_named_beside_its_error() -> None:
+    warmth = np.where(np.arange(6000) < 5600, 25.0, 35.0)
+    warm = bench.recorded("warm", np.zeros(6000), warmth, QUIET, 3)
+    made = calibrate([bench.load_run(QUIET, count=1), warm], degree=1, full_scale=FULL_SCALE)
+    (alone,) = made.alone
+    assert alone.label.startswith("warm") and alone.names == ("drift_1",)
+    first = " ".join(str(made).split("\n\n")[0].split())
+    assert f"parts, and {alone.label} alone determines drift 1." in first

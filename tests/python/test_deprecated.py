@@ -66,9 +66,9 @@ def test_a_motion_by_the_old_name_is_one_of_the_new() -> None:
     log = run()
     with (
         pytest.warns(DeprecationWarning, match="call fit_motion") as said,
-        pytest.raises(InputError, match="takes no bandwidth, priors; leave it out"),
+        pytest.raises(InputError, match="takes no offset_per_run, priors; leave it out"),
     ):
-        fx.fit(friction(), log, "motor_torque", by="simulation", bandwidth=9, priors=PRIOR)  # type: ignore[call-arg]
+        fx.fit(friction(), log, "motor_torque", by="simulation", offset_per_run=True, priors=PRIOR)  # type: ignore[call-arg]
     assert said[0].filename == __file__
     with pytest.warns(DeprecationWarning), pytest.raises(InputError, match="needs the effect in"):
         fx.fit(["offset"], log, "motor_torque", by="simulation", starts=2)  # type: ignore[call-arg]

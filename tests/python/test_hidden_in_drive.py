@@ -72,13 +72,16 @@ def test_an_effect_that_is_not_there_gains_nothing(name: str) -> None:
 
 
 def test_the_level_of_presliding_is_what_was_put_in() -> None:
-    (level,) = with_it("presliding_friction").derived
+    level, together = with_it("presliding_friction").derived
     coulomb = next(
         p for p in with_it("presliding_friction").parameters if p.name == "coulomb_friction.level"
     )
     assert level.unit == "Nm"
     assert level.value == pytest.approx(0.2, abs=4 * level.standard_error)
     assert coulomb.value == pytest.approx(0.3, abs=4 * coulomb.standard_error)
+    assert together.name == "coulomb_friction + presliding_friction once they slide"
+    assert together.value == pytest.approx(0.5, abs=4 * together.standard_error)
+    assert together.standard_error < min(level.standard_error, coulomb.standard_error)
 
 
 def test_the_error_of_a_torque_constant_comes_out() -> None:

@@ -156,6 +156,58 @@ def test_friction_per_direction_has_half_the_difference_as_its_level(
     assert len(part_warnings(made)) == warned
 
 
+COULOMB, BY_SIDE = effect("coulomb_friction"), effect("coulomb_friction_per_direction")
+PRESLIDING = effect("presliding_friction")
+
+
+def slides(level: float, error: float, apart: float = 1.0) -> Part:
+    """Coulomb friction of `level` beside springs of 12 Nm; `error`: of the sum, `apart`: of each.
+
+    Coulomb and springs differ by an unknown share: their errors are opposite.
+    """
+    values = {COULOMB: [level], PRESLIDING: [2.0, 3.0, 4.0, 3.0]}
+    names = ["coulomb_friction.level", *(f"presliding_friction.{t.name}" for t in PRESLIDING.terms)]
+    known = [
+        entry(name, value, apart)
+        for name, value in zip(names, [level, 2.0, 3.0, 4.0, 3.0], strict=True)
+    ]
+    share = np.array([4.0, -1.0, -1.0, -1.0, -1.0]) * apart
+    spread = np.outer(share, share)
+    spread[0, 0] += error**2
+    covariance = {"names": names, "matrix": spread.tolist()}
+    return part("motor_torque", values, parameters=known, covariance=covariance)
+
+
+def test_coulomb_friction_beside_presliding_has_the_sign_of_their_sum() -> None:
+    assert sign_warnings(slides(-4.0, 0.01)) == []
+    (said,) = sign_warnings(slides(-12.5, 0.01))
+    assert said.startswith("coulomb_friction + presliding_friction = -0.5 Nm is negative friction")
+
+
+@pytest.mark.parametrize(("error", "sure"), [(0.2, True), (0.3, False)])
+def test_that_sum_is_judged_by_its_own_error(error: float, sure: bool) -> None:
+    made = slides(-12.5, error, apart=5.0)  # neither of the two is known by itself
+    (said,) = sign_warnings(made)
+    assert ("and not significant" in said) is not sure
+    assert bool(sign_warnings(made, significant=True)) is sure
+
+
+@pytest.mark.parametrize(("values", "warned"), [([-4.0, 4.0], 0), ([-14.0, 12.0], 1)])
+def test_levels_of_two_directions_are_summed_with_presliding_too(
+    values: list[float], warned: int
+) -> None:
+    made = part("motor_torque", {BY_SIDE: values, PRESLIDING: [2.0, 3.0, 4.0, 3.0]})
+    said = sign_warnings(made)
+    assert len(said) == warned
+    assert all("coulomb_friction_per_direction + presliding_friction = -1 Nm" in s for s in said)
+
+
+def test_a_sum_whose_shares_no_run_determines_has_no_sign() -> None:
+    made = slides(-12.5, 0.01)
+    entries = [{**one, "state": "not determined"} for one in made.record["parameters"]]
+    assert sign_warnings(replace(made, record={**made.record, "parameters": entries})) == []
+
+
 def test_a_current_has_its_own_unit() -> None:
     (said,) = part_warnings(part("motor_current", {VISCOUS: [-0.1]}))
     assert "A·s/rad" in said

@@ -8,17 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 from cli_calls import call
-from output_error_logs import EFFECTS, KNOWN, STEP, TRUE, law, runs
+from output_error_logs import EFFECTS, FACTS, KNOWN, STEP, TRUE, law, runs
 
 import flexspline
 from flexspline import MotionOptions
+from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit
 from flexspline.logs.writing import write_log
-from flexspline.model import Model
+from flexspline.model import Model, Part
 from flexspline.output_error.cost import Searched, Space
 from flexspline.output_error.fitting import cost_of, settings_of, with_servo_torque
 from flexspline.plot import simulated_motion
+from flexspline.report.html import python_call
 
 FREE = ("torque", "back_emf")
 
@@ -161,6 +163,68 @@ def test_its_figure_shows_measured_and_simulated_motion_of_the_worst_run_and_of_
         assert np.isin(measured.get_ydata(), runs()[number]["output_position"]).all()
     with pytest.raises(InputError, match="no run 'none' in this fit; it has"):
         simulated_motion(fit, "none")
+
+
+COARSE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
+WAVES = ((0.1, 1.5), (0.23, 1.2), (0.41, 0.8), (0.7, 0.6))  # Hz, Nm
+
+
+@cache
+def coarse() -> tuple[flexspline.Log, ...]:
+    """A pendulum under a measured torque; of its motion the counts of a coarse encoder alone."""
+    part = Part("motor_torque", tuple(map(effect, COARSE)), [0.25, 1.6, 0.0, 0.4, 0.35])
+    model, made = Model({"drive": part}, FACTS), []
+    time = np.arange(0.0, 15.0, 0.005)
+    for number in range(2):
+        draw = np.random.default_rng(number)
+        torque = sum(
+            size * np.sin(2 * np.pi * hz * time + draw.uniform(0.0, 6.3)) for hz, size in WAVES
+        )
+        log = flexspline.Log.from_arrays(
+            time=time, output_position=np.zeros(len(time)), motor_torque=torque,
+            facts={**FACTS, "name": f"run {number}"},
+        )  # fmt: skip
+        angle = flexspline.simulate(model, log).simulated + draw.normal(0.0, 2e-4, len(time))
+        seen = {
+            "output_position": STEP * np.round(angle / STEP),
+            "motor_torque": torque + draw.normal(0.0, 0.03, len(time)),
+        }
+        made.append(log.with_columns(seen, note="measured"))
+    return tuple(made)
+
+
+@cache
+def motion_of_coarse() -> Fit:
+    return flexspline.fit_motion(COARSE, coarse(), "motor_torque", options=MotionOptions(starts=1))
+
+
+def test_the_torque_of_a_coarse_encoder_is_told_as_well_as_by_the_regression(tmp_path):
+    plain, moved = flexspline.fit(COARSE, coarse(), "motor_torque"), motion_of_coarse()
+    assert plain.part.preparations
+    assert moved.part.preparations == plain.part.preparations
+    assert moved.cv_rmse < 1.1 * plain.cv_rmse
+    moved.model.save(tmp_path / "model.json")
+    left = Model.load(tmp_path / "model.json").predict(coarse()[0]).rmse
+    assert left < 1.1 * plain.model.predict(coarse()[0]).rmse
+
+
+def test_the_regression_that_a_motion_is_compared_with_is_the_one_that_fit_makes():
+    plain, moved = flexspline.fit(COARSE, coarse(), "motor_torque"), motion_of_coarse()
+    for log, run in zip(coarse(), moved.simulation.runs, strict=True):
+        assert run.regression == pytest.approx(flexspline.simulate(plain.model, log).rmse, rel=0.01)
+
+
+def test_what_the_torque_is_predicted_from_can_be_chosen_and_stands_in_the_call_of_the_report():
+    how = MotionOptions(starts=1, folds=2, bandwidth=30.0)
+    made = flexspline.fit_motion(COARSE, coarse()[0], "motor_torque", options=how)
+    assert {way.bandwidth for way in made.part.preparations} == {30.0}
+    assert "bandwidth=30.0" in python_call(made)
+
+
+def test_a_low_pass_is_that_of_the_errors_of_the_torque_too():
+    given = {"effects": COARSE, "logs": coarse(), "target": "motor_torque", "lowpass": 20.0}
+    moved = flexspline.fit_motion(**given, options=MotionOptions(starts=1, folds=2))
+    assert moved.cv_rmse < 1.1 * flexspline.fit(**given).cv_rmse
 
 
 WRONG = {

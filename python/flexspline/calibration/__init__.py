@@ -135,9 +135,10 @@ def calibrate(
     voltage is regressed on the reference and the line inverted; (25) regresses the reference on
     the voltage, which noise of the voltage biases towards zero.
 
-    All rows count alike. Where the line bends, and load was applied at one temperature only, a
-    part of the bend goes into a drift that is fitted together with it; the paper's own way, load
-    first and then the drift alone, keeps them apart: ``calibrate(load, degree=0)`` and
+    All rows count alike. Where the line bends, or load and unloading part, drift and lag are found
+    beside bend and hysteresis, which would else go into them (`calibration/regression.py`). Where
+    load and temperature change together they are indistinguishable, which is said; the paper's own
+    way, load first and then the drift alone, keeps them apart: ``calibrate(load, degree=0)`` and
     ``calibrate(warm_up, reference=None, into=first.model)``. The sensitivity is taken not to
     depend on temperature, as in (8); where there is load at several, that is tested, and both that
     and a bend are said.
@@ -312,6 +313,10 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         validated_by=validation.by,
         fold_rmses=tuple((validation.rmses * (abs(solved.sensitivity or 1.0))).tolist()),
         fold_labels=validation.labels,
+        alone=validation.alone,
+        instead=validation.instead,
+        drift_beside_bend=bool(solved.made.structure),
+        bend_taken=solved.made.bend_taken,
         uncertainty=solved.made.uncertainty,
         shape=solved.made.shape,
         zeros=run_zeros(runs, solved.made, solved.sensitivity),

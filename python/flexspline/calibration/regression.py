@@ -18,40 +18,58 @@ The thermal lag is a shape: an outer search around the linear solve, as in
 Noise model. Nonlinearity and hysteresis repeat with every cycle: they are properties of the sensor,
 not noise. Left in the residual they would pass for very slow noise, and the errors of k and zero
 would be those of an experiment in which the sensor differs each time. So the noise is estimated
-beside a square, a cube, and elastic-plastic elements in series (Prandtl and Ishlinskii) of the
-reference, and beside a gain that changes with temperature, where there is load at several
-temperatures; the coefficients themselves, and the size of their errors, are those of the straight
-line. Reference and temperature enter denoised, as centres of plays that they pull along: a noise
-model that whitens strongly would otherwise explain noise by noise.
+beside columns of them, S (`calibration/structure.py`).
+
+Bend and hysteresis beside the drift. A straight line leaves them in the residual, and least squares
+would let drift and lag make up for them: load in some runs and none in a warm-up looks like a zero
+that is another, and the lag is what turns the drift there. Where S is significant (Wald's test),
+drift, gradient and lag are therefore found beside it, and k and zero are those of the best line
+once the drift is taken off. With L the columns of line and zeros, that is least squares on
+
+    [L, drift, S − L (LᵀL)⁻¹ LᵀS]
+
+whose third part takes nothing from the line. S is left out where it could take over the drift:
+load and temperature that change together.
 
 A zero of its own for each run (`Shape.contrasts`) adds one column less than there are runs. Their
 rows sum to zero over the runs, so v₀ is the mean of the runs' zeros. A run that is held out whole
 has an unknown zero and is read with the mean of the others'; a block with that of its own run.
 
 Validation. Whole runs are held out where there are at least four and the others still hold load and
-temperature, else contiguous blocks. The lag is estimated again for each fold, within a factor of
-four of that of all rows: sums of blocks at a grid of lags serve every fold, and a parabola through
-the best three interpolates.
+temperature and determine sensitivity, drift and lag, else contiguous blocks, more of them where one
+alone determines one of these: what a fit makes of such a part is no error of reading. The lag is
+estimated again for each fold, within a factor of four of that of all rows: sums of blocks at a grid
+of lags serve every fold, and a parabola through the best three interpolates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.calibration.runs import CalibrationRun
-from flexspline.least_squares.noise_model import BLOCK, Chunk, noise_model
+from flexspline.calibration.structure import (
+    LEVEL,
+    LONG,
+    NEGLIGIBLE,
+    beside_structure,
+    chunks_of,
+    largest_of,
+    quiet,
+    structure_columns,
+    wald_test,
+    warmth_under_load,
+)
+from flexspline.least_squares.noise_model import noise_model
 from flexspline.least_squares.sums import Solution, Sums, solve
 from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
 from flexspline.least_squares.validation import BLOCKS, FARTHEST, RUNS_NEEDED
-from flexspline.logs.quantisation import white_noise
-from flexspline.logs.segments import median_step, play
+from flexspline.logs.segments import median_step
 
 __all__ = [
     "Lag",
@@ -60,7 +78,6 @@ __all__ = [
     "Validation",
     "cross_validate",
     "drift_columns",
-    "quiet",
     "regress",
     "residuals_of",
     "rows_of",
@@ -69,21 +86,22 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Edges = list[list[int]]
+Structure = tuple[Array, ...]
 
 GRID = 13
 LAG_TOLERANCE = 1e-4  # of the logarithm of the lag
 FLAT = 1e-7
 NEAR_BOUND = 1e-3
 BEND = 1e-3  # of the lag, relative, for the central difference
-LONG = 1_000_000  # rows from which the noise model reads one chunk of several
 LEAST_LAG_STEPS = 2.0
-
-SLACK = 5.0  # standard deviations of white noise that a play does not follow
-LEAST_WARMTH = 2.0  # K: what gain_temperature_dependence demands of a run
-SLIPS = (1 / 24, 1 / 12, 1 / 6, 1 / 3)  # of the largest reference
 
 VALIDATION_GRID = 17
 CARRIES = 0.5  # of the spread of load and temperature that has to stay when a run is left out
+ALONE = 10.0
+"""Times that the error of a parameter grows by without a part, which then alone determines it. Of
+four runs with one warm-up 14 to 70 without that, 1.7 without any other; half of it would refuse
+half of a warm-up as well, twice of it would hold out the only one that tells a lag."""
+UNTOLD = 1e-12  # of a scaled diagonal: where nothing tells a combination, its error is 1e6 times
 
 
 @dataclass(frozen=True)
@@ -99,8 +117,10 @@ class Lag:
 class Regression:
     """Coefficients (P,) in V per unit of their column, with the errors of these and of the lag.
 
-    `solution`: of the linear part. `uncertainty`: of P coefficients and, where `lag_free`, the
-    lag [s]. `residuals`: V, an array (N,) for each run.
+    `solution`: of the linear part, without structure. `uncertainty`: of P coefficients and, where
+    `lag_free`, the lag [s]. `residuals`: V, an array (N,) for each run. `structure`: (N, K) for
+    each run, columns of bend and hysteresis beside which drift and lag were found, or none.
+    `bend_taken`: whether the drift could take these over, so that it may be a bend.
     """
 
     shape: Shape
@@ -110,28 +130,116 @@ class Regression:
     lag: Lag | None
     lag_free: bool
     residuals: tuple[Array, ...]
+    structure: Structure = ()
+    bend_taken: bool = False
 
 
 def regress(runs: Sequence[CalibrationRun], shape: Shape, *, find_lag: bool) -> Regression:
-    """Solve, search the lag if asked to, and find the errors."""
+    """Solve, search the lag if asked to, and find the errors.
+
+    Drift and lag are found beside bend and hysteresis where these show.
+    """
+    made = _regressed(runs, shape, find_lag, ())
+    if not shape.degree or not any(run.loaded for run in runs):
+        return made
+    structure = _structure(runs)
+    if _taken(runs, made.shape, structure):
+        return replace(made, bend_taken=True)
+    return _regressed(runs, shape, find_lag, structure) if _shows(runs, made) else made
+
+
+def _regressed(
+    runs: Sequence[CalibrationRun], shape: Shape, find_lag: bool, structure: Structure
+) -> Regression:
     whole = [[0, len(run)] for run in runs]
-    lag = search_lag(runs, shape, whole) if find_lag else None
+    lag = search_lag(runs, shape, whole, structure) if find_lag else None
     shape = shape if lag is None else replace(shape, lag=lag.value)
     solution = solution_of(sums_of(runs, shape, whole))
-    residuals = residuals_of(runs, shape, solution)
+    sums = sums_of(runs, shape, whole, structure)
+    coefficients = _coefficients(sums, shape) if structure else solution.coefficients
+    residuals = residuals_of(runs, shape, coefficients)
     free = lag is not None and lag.bound == 0 and not lag.flat
-    uncertainty = _uncertainty(runs, shape, solution, residuals, free)
+    tangents = [
+        [_tangent(run, shape, coefficients, free) for run in some]
+        for some in (runs, [quiet(run) for run in runs])
+    ]
+    rows, smooth = tangents
+    if structure:
+        beside = _beside_line(rows, structure, shape.line)
+        rows = [np.hstack(both) for both in zip(rows, beside, strict=True)]
+    basis = _basis(rows, residuals) if free or structure else solution.basis
+    uncertainty = _uncertainty(runs, rows, basis, smooth, residuals)
     return Regression(
-        shape, solution.coefficients, solution, uncertainty, lag, free, tuple(residuals)
+        shape, coefficients, solution, uncertainty, lag, free, tuple(residuals), structure
     )
 
 
-def sums_of(runs: Sequence[CalibrationRun], shape: Shape, edges: Edges) -> Sums:
-    """Sums of products of [rows, target], a block between each two edges of a run."""
+def _coefficients(sums: Sums, shape: Shape, blocks: Sequence[int] | None = None) -> Array:
+    """Drift beside further columns of the sums, and the best line once it is taken off: (P,)."""
+    wide = solution_of(sums, blocks).coefficients
+    found, line = wide[: len(shape.names)], shape.line
+    if len(wide) == len(found):
+        return wide
+    drift = [k for k in range(len(found)) if k not in line]
+    squares = sums.total(blocks)[0]
+    left = squares[line, -1] - squares[np.ix_(line, drift)] @ found[drift]
+    found[line] = _scaled_solve(squares[np.ix_(line, line)], left[:, None])[:, 0]
+    return np.asarray(found)
+
+
+def _scaled_solve(squares: Array, products: Array) -> Array:
+    """(P, M), solutions of normal equations, by columns of length one."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(squares), 1e-300))[:, None]
+    return np.asarray(
+        unit * np.linalg.lstsq(unit * squares * unit.T, unit * products, rcond=None)[0]
+    )
+
+
+def _structure(runs: Sequence[CalibrationRun]) -> Structure:
+    """Columns of bend and hysteresis, (N, K) for each run."""
+    still = [quiet(run) for run in runs]
+    largest, warmth = largest_of(still), warmth_under_load(still)
+    return tuple(structure_columns(run, largest, warmth) for run in still)
+
+
+def _taken(runs: Sequence[CalibrationRun], shape: Shape, structure: Structure) -> bool:
+    """Whether columns of the regression can be made of those of structure."""
+    solution = solution_of(sums_of(runs, shape, [[0, len(run)] for run in runs], structure))
+    hidden = solution.null_space * solution.lengths[:, None]
+    hidden /= np.maximum(np.linalg.norm(hidden, axis=0), 1e-300)
+    return bool(np.abs(hidden[: len(shape.names)]).max(initial=0.0) > NEGLIGIBLE)
+
+
+def _shows(runs: Sequence[CalibrationRun], made: Regression) -> bool:
+    """Whether bend and hysteresis are significant beside line, drift and lag."""
+    still = [quiet(run) for run in runs]
+    rows = [_tangent(run, made.shape, made.coefficients, made.lag_free) for run in still]
+    shown = wald_test(still, rows, made.residuals, slice(rows[0].shape[1], None))
+    return shown is not None and shown.p < LEVEL
+
+
+def _beside_line(rows: Sequence[Array], structure: Structure, line: Sequence[int]) -> list[Array]:
+    """S − L (LᵀL)⁻¹ LᵀS for each run; `line`: which of the rows' columns L are."""
+    lines = [columns[:, line] for columns in rows]
+    squares = np.sum([own.T @ own for own in lines], axis=0)
+    products = np.sum([a.T @ b for a, b in zip(lines, structure, strict=True)], axis=0)
+    share = _scaled_solve(squares, products)
+    return [own - line @ share for line, own in zip(lines, structure, strict=True)]
+
+
+def sums_of(
+    runs: Sequence[CalibrationRun], shape: Shape, edges: Edges, structure: Structure = ()
+) -> Sums:
+    """Sums of products of [rows, target], a block between each two edges of a run.
+
+    `structure`: more columns of the rows, (N, K) for each run.
+    """
     highs, lows, numbers, counts = [], [], [], []
     for number, (run, cuts) in enumerate(zip(runs, edges, strict=True)):
         drift = drift_columns(run, shape)
         rows, target = rows_of(run, shape, drift), target_of(run, shape, drift)
+        if structure:
+            rows = np.asfortranarray(np.hstack([rows, structure[number]]))
         blocks = list(pairwise(cuts))
         high, low = _core.accumulate_rows(rows, target, blocks, None, True, 1)
         highs.append(high)
@@ -151,7 +259,9 @@ def solution_of(sums: Sums, blocks: Sequence[int] | None = None) -> Solution:
     return solve(*sums.total(blocks))
 
 
-def search_lag(runs: Sequence[CalibrationRun], shape: Shape, edges: Edges) -> Lag:
+def search_lag(
+    runs: Sequence[CalibrationRun], shape: Shape, edges: Edges, structure: Structure = ()
+) -> Lag:
     """Find the lag of least squares: a grid in its logarithm, then Brent's search.
 
     From each minimum of the grid: a short lag with a large gradient is a slope of the temperature,
@@ -163,7 +273,7 @@ def search_lag(runs: Sequence[CalibrationRun], shape: Shape, edges: Edges) -> La
 
     def squares(logarithm: float) -> float:
         trial = replace(shape, lag=float(np.exp(logarithm)))
-        return float(solution_of(sums_of(runs, trial, edges)).residual_squares)
+        return float(solution_of(sums_of(runs, trial, edges, structure)).residual_squares)
 
     grid = np.linspace(low, high, GRID)
     seen = np.array([squares(point) for point in grid])
@@ -195,48 +305,36 @@ def _limits(runs: Sequence[CalibrationRun]) -> Array:
     return np.array([LEAST_LAG_STEPS * step, max(0.5 * longest, 4.0 * step)])
 
 
-def residuals_of(runs: Sequence[CalibrationRun], shape: Shape, solution: Solution) -> list[Array]:
+def residuals_of(runs: Sequence[CalibrationRun], shape: Shape, coefficients: Array) -> list[Array]:
     """Voltage measured less predicted, V, an array (N,) for each run."""
     found = []
     for run in runs:
         drift = drift_columns(run, shape)
-        predicted = rows_of(run, shape, drift) @ solution.coefficients
+        predicted = rows_of(run, shape, drift) @ coefficients
         found.append(np.asarray(target_of(run, shape, drift) - predicted))
     return found
 
 
 def _uncertainty(
     runs: Sequence[CalibrationRun],
-    shape: Shape,
-    solution: Solution,
+    rows: Sequence[Array],
+    basis: Array,
+    smooth: Sequence[Array],
     residuals: Sequence[Array],
-    lag_free: bool,
 ) -> Uncertainty:
-    rows = [_tangent(run, shape, solution, lag_free) for run in runs]
-    basis = _basis(rows, residuals) if lag_free else solution.basis
-    total = sum(len(run) for run in runs)
-    still = [quiet(run) for run in runs]
-    smooth = [_tangent(run, shape, solution, lag_free) for run in still]
-    wide, left, beside = beside_structure(still, smooth, residuals)
+    """Errors of P coefficients and lag.
+
+    `rows`: (N, P), or with columns beside these, for each run. `smooth`: (N, P), of quiet runs.
+    """
+    total, told = sum(len(run) for run in runs), smooth[0].shape[1]
+    wide, left, beside = beside_structure([quiet(run) for run in runs], smooth, residuals)
     noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=1 + total // LONG)
-    return parameter_uncertainty(chunks_of(runs, rows, residuals), basis, noise)
+    known = parameter_uncertainty(chunks_of(runs, rows, residuals), basis, noise)
+    freedom = known.degrees_of_freedom[:told]
+    return replace(known, basis=known.basis[:told], degrees_of_freedom=freedom)
 
 
-def chunks_of(
-    runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array]
-) -> Callable[[], Iterator[Chunk]]:
-    """Give rows and residuals in pieces, as the noise model reads them."""
-
-    def give() -> Iterator[Chunk]:
-        for run, columns, residual in zip(runs, rows, residuals, strict=True):
-            for first in range(0, len(run), BLOCK):
-                part = slice(first, first + BLOCK)
-                yield Chunk(columns[part], residual[part], run.starts[part])
-
-    return give
-
-
-def _tangent(run: CalibrationRun, shape: Shape, solution: Solution, lag_free: bool) -> Array:
+def _tangent(run: CalibrationRun, shape: Shape, coefficients: Array, lag_free: bool) -> Array:
     """Rows with a column more where the lag is free, ∂(prediction)/∂lag."""
     rows = rows_of(run, shape)
     if not lag_free:
@@ -245,7 +343,7 @@ def _tangent(run: CalibrationRun, shape: Shape, solution: Solution, lag_free: bo
     for factor in (1.0 - BEND, 1.0 + BEND):
         moved = replace(shape, lag=factor * shape.lag)
         drift = drift_columns(run, moved)
-        predicted = rows_of(run, moved, drift) @ solution.coefficients
+        predicted = rows_of(run, moved, drift) @ coefficients
         ends.append(predicted - target_of(run, moved, drift))
     bend = (ends[1] - ends[0]) / (2.0 * BEND * shape.lag)
     return np.column_stack([rows, bend])
@@ -285,6 +383,12 @@ class Shape:
     def shared(self) -> int:
         """Number of columns that all runs share, all but the contrasts."""
         return len(self.names) - len(self.contrasts)
+
+    @property
+    def line(self) -> list[int]:
+        """Numbers of the columns that no temperature enters: sensitivity and zeros."""
+        own = ("sensitivity", "zero", *self.contrasts)
+        return [k for k, name in enumerate(self.names) if name in own]
 
     @property
     def names(self) -> list[str]:
@@ -347,111 +451,38 @@ def _torque(run: CalibrationRun, shape: Shape, drift: Array) -> Array:
     return np.asarray(run.torque - shape.held_gradient * drift[:, -1])
 
 
-def quiet(run: CalibrationRun) -> CalibrationRun:
-    """The run with reference and temperature as they would be without their white noise."""
-    warmth = run.temperature
-    return replace(
-        run,
-        torque=_held(run.torque) if run.loaded else run.torque,
-        temperature=None if warmth is None else _held(warmth),
-    )
+@dataclass(frozen=True)
+class Alone:
+    """A part of the runs, of number `run`, without which the parameters `names` are not known."""
 
-
-def _held(values: Array) -> Array:
-    slack = SLACK * white_noise(values)
-    return play(values, slack) if slack > 0.0 else values
-
-
-def structure_columns(run: CalibrationRun, largest: float, warmth: Warmth | None) -> Array:
-    """(N, 6), of order one, and one more with `warmth`; zeros where the run is without load."""
-    count = 2 + len(SLIPS) + (warmth is not None)
-    if not run.loaded:
-        return np.zeros((len(run), count))
-    share = run.torque / largest
-    columns = [share**2, share**3, *(share - play(share, slip) for slip in SLIPS)]
-    if warmth is not None and run.temperature is not None:
-        columns.append(share * (run.temperature - warmth.middle) / warmth.span)
-    return np.column_stack(columns)
-
-
-class Warmth(NamedTuple):
-    """Temperatures at which there was load: largest less least, and the middle, °C."""
-
-    middle: float
-    span: float
-
-
-def warmth_under_load(runs: Sequence[CalibrationRun]) -> Warmth | None:
-    """Temperatures of rows with half of the largest load; None where they are but one.
-
-    Parameters
-    ----------
-    runs : quiet ones.
-    """
-    half = 0.5 * largest_of(runs)
-    columns = [
-        run.temperature[np.abs(run.torque) >= half]
-        for run in runs
-        if run.loaded and run.temperature is not None
-    ]
-    under = np.concatenate([np.empty(0), *columns])
-    if any(run.temperature is None for run in runs if run.loaded) or not len(under):
-        return None
-    low, high = float(under.min()), float(under.max())
-    return Warmth(0.5 * (low + high), high - low) if high - low >= LEAST_WARMTH else None
-
-
-def largest_of(runs: Sequence[CalibrationRun]) -> float:
-    """The largest load, Nm; 1 without any."""
-    return max(float(np.abs(run.torque).max()) for run in runs) or 1.0
-
-
-def beside_structure(
-    runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array]
-) -> tuple[list[Array], list[Array], Solution]:
-    """Rows with the columns of structure, residuals without its share, and the solution.
-
-    Parameters
-    ----------
-    runs : quiet ones.
-    rows : (N, P) for each run; residuals: (N,), V.
-    """
-    largest, warmth = largest_of(runs), warmth_under_load(runs)
-    wide = [
-        np.asfortranarray(np.hstack([r, structure_columns(run, largest, warmth)]))
-        for run, r in zip(runs, rows, strict=True)
-    ]
-    blocks = [
-        _core.accumulate_rows(w, v, [(0, len(w))], None, True, 1)
-        for w, v in zip(wide, residuals, strict=True)
-    ]
-    high = np.concatenate([block[0] for block in blocks])
-    low = np.concatenate([block[1] for block in blocks])
-    solution = solve(*_core.merge(high, low, list(range(len(blocks)))))
-    left = [np.asarray(v - w @ solution.coefficients) for w, v in zip(wide, residuals, strict=True)]
-    return wide, left, solution
+    run: int
+    label: str
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
     """Held-out residuals, V, an array (N,) for each run. `by`: "runs" or "blocks".
 
-    `rmses`: (folds,), V, of each part that was left out, and `labels` what it was.
+    `rmses`: (folds,), V, of each part that was left out, and `labels` what it was. `alone`: of
+    these parts. `instead`: runs for which blocks are left out, where these would have been.
     """
 
     residuals: tuple[Array, ...]
     by: str
     rmses: Array
     labels: tuple[str, ...]
+    alone: tuple[Alone, ...]
+    instead: tuple[Alone, ...]
 
 
 def cross_validate(runs: Sequence[CalibrationRun], made: Regression) -> Validation:
     """Leave out one run, or one block, after the other."""
-    by_runs = len(runs) >= RUNS_NEEDED and all(_carried(runs, k) for k in range(len(runs)))
-    edges = [_edges(run, len(runs), by_runs) for run in runs]
-    sums = sums_of(runs, made.shape, edges)
+    parting = _parting(runs, made)
+    edges, by_runs, beside = parting.edges, parting.by_runs, made.structure
+    sums = sums_of(runs, made.shape, edges, beside)
     grid = _lag_grid(made)
-    at_grid = [sums_of(runs, replace(made.shape, lag=lag), edges) for lag in grid]
+    at_grid = [sums_of(runs, replace(made.shape, lag=lag), edges, beside) for lag in grid]
     held_out = [np.full(len(run), np.nan) for run in runs]
     parts = [(k, a, b) for k, cuts in enumerate(edges) for a, b in pairwise(cuts)]
     for fold, (number, first, last) in enumerate(parts):
@@ -460,13 +491,91 @@ def cross_validate(runs: Sequence[CalibrationRun], made: Regression) -> Validati
         if made.lag_free:
             squares = [solution_of(s, others).residual_squares for s in at_grid]
             shape = replace(shape, lag=_least(grid, np.array(squares)))
-        solution = solution_of(sums if shape == made.shape else sums_of(runs, shape, edges), others)
+        again = sums if shape == made.shape else sums_of(runs, shape, edges, beside)
+        coefficients = _coefficients(again, shape, others)
         read = _unknown_zero(runs[number]) if by_runs and shape.contrasts else runs[number]
-        residual = residuals_of([read], shape, solution)[0]
+        residual = residuals_of([read], shape, coefficients)[0]
         held_out[number][first:last] = residual[first:last]
     rmses = np.array([_rms(held_out[k][a:b]) for k, a, b in parts])
     labels = tuple(_label(runs[k], a, b, by_runs) for k, a, b in parts)
-    return Validation(tuple(held_out), "runs" if by_runs else "blocks", rmses, labels)
+    return Validation(
+        tuple(held_out),
+        "runs" if by_runs else "blocks",
+        rmses,
+        labels,
+        parting.alone,
+        parting.instead,
+    )
+
+
+@dataclass(frozen=True)
+class _Parting:
+    """Rows between which each run is cut, and what parts alone determine, as `Validation`."""
+
+    edges: Edges
+    by_runs: bool
+    alone: tuple[Alone, ...]
+    instead: tuple[Alone, ...]
+
+
+def _parting(runs: Sequence[CalibrationRun], made: Regression) -> _Parting:
+    """Whole runs, or blocks: more of a run as long as one of them alone determines something."""
+    whole = [[0, len(run)] for run in runs]
+    instead: tuple[Alone, ...] = ()
+    if len(runs) >= RUNS_NEEDED and all(_carried(runs, k) for k in range(len(runs))):
+        instead = _alone(runs, made, whole)
+        if not instead:
+            return _Parting(whole, True, (), ())
+    counts = [max(2, round(BLOCKS / len(runs)))] * len(runs)
+    while True:
+        edges = [_edges(run, count) for run, count in zip(runs, counts, strict=True)]
+        alone = _alone(runs, made, edges)
+        finer = {one.run for one in alone if counts[one.run] < BLOCKS}
+        if not finer:
+            return _Parting(edges, False, alone, instead)
+        counts = [count * (2 if k in finer else 1) for k, count in enumerate(counts)]
+
+
+def _alone(runs: Sequence[CalibrationRun], made: Regression, edges: Edges) -> tuple[Alone, ...]:
+    """Parts without which an error is `ALONE` times as large, and of which parameters.
+
+    Zeros are not asked for: where each run has its own, no other tells it.
+    """
+    shape, free = made.shape, made.lag_free
+    names = [*shape.names, *(["thermal_lag"] if free else [])]
+    rows = [_tangent(run, shape, made.coefficients, free) for run in runs]
+    asked = [k for k in range(len(names)) if k not in shape.line]
+    times = {False: _times(rows, edges)}
+    if made.structure:
+        times[True] = _times([np.hstack(b) for b in zip(rows, made.structure, strict=True)], edges)
+    of_line = [0] if shape.sensitivity else []
+    found = []
+    parts = [(k, a, b) for k, cuts in enumerate(edges) for a, b in pairwise(cuts)]
+    for number, (k, first, last) in enumerate(parts):
+        larger = [n for n in of_line if times[False][number][n] > ALONE]
+        larger += [n for n in asked if times[bool(made.structure)][number][n] > ALONE]
+        if larger:
+            label = _label(runs[k], first, last, last - first == len(runs[k]))
+            found.append(Alone(k, label, tuple(names[n] for n in larger)))
+    return tuple(found)
+
+
+def _times(rows: Sequence[Array], edges: Edges) -> list[Array]:
+    """How many times as large white noise makes the error of each column without each part."""
+    squares = [
+        columns[first:last].T @ columns[first:last]
+        for columns, cuts in zip(rows, edges, strict=True)
+        for first, last in pairwise(cuts)
+    ]
+    whole = np.sum(squares, axis=0)
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    hold = UNTOLD * np.eye(len(unit))
+
+    def variances(kept: Array) -> Array:
+        return np.diag(np.linalg.inv(unit[:, None] * kept * unit + hold))
+
+    known = variances(whole)
+    return [np.sqrt(variances(whole - one) / known) for one in squares]
 
 
 def _unknown_zero(run: CalibrationRun) -> CalibrationRun:
@@ -494,8 +603,7 @@ def _least(grid: Array, squares: Array) -> float:
     return float(grid[best] * np.exp(0.5 * step * (before - behind) / bend))
 
 
-def _edges(run: CalibrationRun, count: int, by_runs: bool) -> list[int]:
-    parts = 1 if by_runs else max(2, round(BLOCKS / count))
+def _edges(run: CalibrationRun, parts: int) -> list[int]:
     return [int(row) for row in np.linspace(0, len(run), parts + 1)]
 
 

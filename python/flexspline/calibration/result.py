@@ -25,10 +25,10 @@ from flexspline.calibration.parameters import (
     compensation_torque,
     lost_to_reference,
 )
-from flexspline.calibration.regression import Regression, Shape, drift_columns
+from flexspline.calibration.regression import Alone, Regression, Shape, drift_columns
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
+from flexspline.calibration.structure import LEVEL
 from flexspline.calibration.thermal import (
-    LEVEL,
     GainTest,
     RunZero,
     Thermal,
@@ -58,6 +58,7 @@ __all__ = [
     "CalibratedRun",
     "CalibrationResult",
     "bend_of",
+    "held_in_drift",
     "percent_text",
     "views_of",
     "warnings_of",
@@ -104,6 +105,10 @@ class CalibrationResult(Views, Rendered):
     full_scale : Nm, and `full_scale_source`: "given", "model" or "reference", the largest one.
     sensitivity_reason : why the runs do not determine the sensitivity, "" where they do.
     validated_by : "runs" or "blocks"; `fold_rmses`: of each that was left out, in `unit`.
+    alone : parts that were left out and alone determine a parameter; `instead`: runs that do, for
+        which blocks were left out.
+    drift_beside_bend : whether drift and lag were found beside bend and hysteresis; `bend_taken`:
+        whether these runs cannot tell one from the other.
     uncertainty : covariance and noise model, in volts.
     shape : what was regressed on what.
     zeros : of each run, with `zero_per_run`, else none; the parameters hold their mean.
@@ -127,6 +132,10 @@ class CalibrationResult(Views, Rendered):
     validated_by: str
     fold_rmses: tuple[float, ...]
     fold_labels: tuple[str, ...]
+    alone: tuple[Alone, ...]
+    instead: tuple[Alone, ...]
+    drift_beside_bend: bool
+    bend_taken: bool
     uncertainty: Uncertainty
     shape: Shape
     zeros: tuple[RunZero, ...]
@@ -472,7 +481,10 @@ def _moved(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterato
         size += f" ({torque:.3g} Nm{share})"
     lags = result.shape.degree and result.shape.lag == 0.0
     other = "; a body that lags the thermometer looks like it (--thermal-lag fit)" if lags else ""
-    into = "the drift and its errors" if result.shape.degree else "the errors"
+    into = "the errors"
+    if result.shape.degree:
+        fitted = any(p.name == "thermal_lag" and p.state == "fitted" for p in result.parameters)
+        into = "drift, thermal lag and their errors" if fitted else "the drift and its errors"
     try:
         require_own_zeros(runs, result.shape.degree)
         ask = "ask for --zero-per-run (zero_per_run=True)"
@@ -530,12 +542,23 @@ def _bend(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator
         "; calibrate the runs with load alone (degree=0, --degree 0) and then the drift into that "
         "model, so that none of the bend goes into the drift"
     )
+    beside, several = result.drift_beside_bend, result.shape.degree > 0 and len(runs) > 1
+    what = "sensitivity and zero" if beside else "sensitivity, zero and drift"
     yield (
         f"a straight line is off by up to {short(torque)} Nm, {percent_text(percent)} %FS and "
         f"{short(bend[1])} times the noise of a reading, at {short(at)} Nm: the characteristic is "
-        "bent, and the errors of sensitivity, zero and drift hold the noise alone and not the bend"
-        f"{how if result.shape.degree > 0 and len(runs) > 1 else ''}"
+        f"bent, and the errors of {what} hold the noise alone and not the bend"
+        f"{how if several and not beside else ''}"
     )
+
+
+def held_in_drift(result: CalibrationResult) -> str:
+    """What drift and lag hold that their errors do not, in words; "" for nothing that is known."""
+    if result.zero_test is not None and result.zero_test.moved:
+        return "holds zeros that moved, its error does not"
+    if result.bend_taken:
+        return "may be a bend, its error does not hold that"
+    return ""
 
 
 def _lag(result: CalibrationResult, made: Regression) -> Iterator[str]:

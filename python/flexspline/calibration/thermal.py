@@ -48,21 +48,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from flexspline.calibration.accuracy import Figure, Leg, legs_of, slack_of
-from flexspline.calibration.regression import (
-    LONG,
-    Regression,
-    beside_structure,
-    chunks_of,
+from flexspline.calibration.regression import Regression, rows_of
+from flexspline.calibration.runs import CalibrationRun, contrasts
+from flexspline.calibration.structure import (
+    LEVEL,
     largest_of,
     quiet,
-    rows_of,
+    wald_test,
     warmth_under_load,
 )
-from flexspline.calibration.runs import CalibrationRun, contrasts
 from flexspline.errors import InputError
-from flexspline.least_squares.noise_model import noise_model
-from flexspline.least_squares.sums import Solution
-from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
 from flexspline.logs.quantisation import white_noise
 
 __all__ = [
@@ -100,16 +95,7 @@ DEFINITIONS = {
     "thermal hysteresis, compensated": "the same with the compensation",
 }
 
-LEVEL = 0.01
-"""Chance that `zero_test` reports a zero that has not moved.
-
-Measured over 3000 simulated calibrations with coloured noise, rounding and a drift of degree 2:
-1.3 % of them; at half of this level 0.8 %, at twice of it 2.5 %. Noise that is slower than a run is
-a zero that moves.
-"""
-
 SMOOTHED = 50  # a mean over this part of a run, of the temperature
-NEGLIGIBLE = 1e-7  # share of a contrast in what the runs do not determine
 
 
 @dataclass(frozen=True)
@@ -329,7 +315,7 @@ def zero_test(runs: Sequence[CalibrationRun], made: Regression) -> ZeroTest | No
     shape = replace(made.shape, sensitivity=True, contrasts=contrast_names(runs))
     still = [_still(run) for run in runs]
     rows = [rows_of(run, shape) for run in still]
-    tested = _wald_test(still, rows, made.residuals, slice(shape.shared, len(shape.names)))
+    tested = wald_test(still, rows, made.residuals, slice(shape.shared, len(shape.names)))
     if tested is None:
         return ZeroTest(1.0, 0, 0.0)
     shown = tested.combinations @ tested.coefficients
@@ -364,7 +350,7 @@ def gain_test(runs: Sequence[CalibrationRun], made: Regression) -> GainTest | No
     if warmth is None or not made.shape.sensitivity:
         return None
     rows = [rows_of(run, made.shape) for run in still]
-    tested = _wald_test(still, rows, made.residuals, slice(-1, None))
+    tested = wald_test(still, rows, made.residuals, slice(-1, None))
     if tested is None:
         return None
     unit = float(made.coefficients[0]) * largest_of(still) * warmth.span
@@ -376,61 +362,6 @@ def gain_test(runs: Sequence[CalibrationRun], made: Regression) -> GainTest | No
         warmth.middle - half,
         warmth.middle + half,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class WaldTest:
-    """Coefficients (R,) with their standard errors, and L, (q, R): what the runs tell of them.
-
-    `p`: chance of such L a where all coefficients are zero.
-    """
-
-    coefficients: Array
-    errors: Array
-    combinations: Array
-    p: float
-
-
-def _wald_test(
-    runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array], own: slice
-) -> WaldTest | None:
-    """Test columns beside all others and those of structure; None where these can take them over.
-
-    Parameters
-    ----------
-    runs : quiet ones.
-    rows : (N, P) for each run; residuals: (N,), V.
-    own : the columns that are tested, of these and of those of structure, in this order.
-    """
-    wide, left, beside = beside_structure(runs, rows, residuals)
-    combinations = _testable(beside, own)
-    if not len(combinations):
-        return None
-    every = 1 + sum(len(run) for run in runs) // LONG
-    noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=every)
-    known = parameter_uncertainty(chunks_of(runs, wide, left), beside.basis, noise)
-    values = beside.coefficients[own]
-    p = _chance(combinations @ values, combinations, known, own)
-    return WaldTest(values, known.standard_errors[own], combinations, p)
-
-
-def _chance(values: Array, combinations: Array, known: Uncertainty, own: slice) -> float:
-    """P(F > what is seen); ν is the least of the contrasts'."""
-    from scipy.stats import f
-
-    basis = combinations @ known.basis[own]
-    covariance = basis @ known.core @ basis.T
-    squares = float(values @ np.linalg.pinv(covariance, rcond=1e-12, hermitian=True) @ values)
-    freedom = float(np.min(known.degrees_of_freedom[own]))
-    return float(f.sf(squares / len(values), len(values), freedom))
-
-
-def _testable(beside: Solution, own: slice) -> Array:
-    """(q, R - 1), orthonormal combinations of contrasts that no other column can take over."""
-    null_space = beside.null_space * beside.lengths[:, None]
-    hidden = null_space / np.maximum(np.linalg.norm(null_space, axis=0), 1e-300)
-    left, sizes, _ = np.linalg.svd(hidden[own])
-    return np.asarray(left[:, int(np.count_nonzero(sizes > NEGLIGIBLE)) :].T)
 
 
 def _still(run: CalibrationRun) -> CalibrationRun:

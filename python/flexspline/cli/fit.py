@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -166,8 +165,6 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         )
     if options["prior"]:
         raise InputError("--by simulation takes no --prior; fix or bound the parameter instead")
-    if options["bandwidth"] is not None and options["bandwidth"] != math.inf:
-        raise InputError("--by simulation compares the motion as it is; leave --bandwidth out")
     if options["offset_per_run"] or options["per_run"]:
         given = "--offset-per-run" if options["offset_per_run"] else "--per-run"
         what = "one offset" if options["offset_per_run"] else "one value of each term"
@@ -333,6 +330,7 @@ def fit(
             "into": model,
         }
         how = {
+            "bandwidth": options["bandwidth"],
             "robust": "huber" if options["robust"] else None,
             "threads": options["threads"],
             "progress": on_terminal(),
@@ -348,7 +346,6 @@ def fit(
             )
         else:
             rest = FitOptions(
-                bandwidth=options["bandwidth"],
                 offset_per_run=options["offset_per_run"],
                 per_run=_names(options["per_run"], "--per-run"),
                 simulation=made_elsewhere,

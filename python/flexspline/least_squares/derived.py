@@ -15,7 +15,7 @@ Source: full_range_torque_estimation (15); `flexspline/estimators/load_hysteresi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, unit_in
-from flexspline.effects.causes import DERIVED, MESH, SPRINGS, TORSION_LOOP, Formula
+from flexspline.effects.causes import DERIVED, MESH, PRESLIDING, SPRINGS, TORSION_LOOP, Formula
 from flexspline.model import sign_warnings as signs_of_a_drive
+from flexspline.model import sliding_weights
 from flexspline.orders.parts import effective_ratio
 
 if TYPE_CHECKING:
@@ -86,15 +87,31 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
                 if fit.target != "torsion":
                     unit = unit_in(unit, fit.target, fit.part.known_load)
                 found.append(Derived(formula.name, value, error, unit))
-    return tuple(found)
+    return (*found, *_sliding(fit, own))
+
+
+def _sliding(fit: Fit, own: Collection[str]) -> list[Derived]:
+    """The sum of frictions that slide together, which alone is bounded, and told best."""
+    weights = sliding_weights(fit.part)
+    shares = dict.fromkeys(name.split(".")[0] for name in weights)
+    if not weights or not shares.keys().isdisjoint(own):
+        return []
+    value = sum(weights[p.name] * p.value for p in fit.parameters if p.name in weights)
+    names = fit.part.record["covariance"]["names"]
+    error = _error_along(fit, np.array([weights.get(name, 0.0) for name in names]))
+    if error > ROUGH * abs(value):
+        return []
+    unit = unit_in("Nm", fit.target, fit.part.known_load)
+    return [Derived(f"{' + '.join(shares)} once they slide", value, error, unit)]
 
 
 def sign_warnings(fit: Fit) -> list[str]:
     """What a compliance, a loop, a friction or an inertia of the wrong sign says."""
+    shared = DERIVED[PRESLIDING][0].name if sliding_weights(fit.part) else None
     turned = [
         f"{d.name} is negative: the sign of a torque or of a position may be turned"
         for d in fit.derived
-        if d.name in POSITIVE and d.value < 0.0
+        if d.name in POSITIVE and d.name != shared and d.value < 0.0
     ]
     return turned + signs_of_a_drive(fit.part, significant=True)
 
@@ -116,6 +133,11 @@ def _error(fit: Fit, prefix: str, formula: Formula, values: Mapping[str, float])
         step = STEP * abs(values[short]) or STEP
         ends = [_value(formula, {**values, short: values[short] + d}) for d in (-step, step)]
         gradient[k] = (ends[1] - ends[0]) / (2.0 * step)
+    return _error_along(fit, gradient)
+
+
+def _error_along(fit: Fit, gradient: NDArray[np.float64]) -> float:
+    """Of gradient · β: NaN where nothing behind it is fitted, infinite where no run sees it."""
     if not gradient.any():
         return float("nan")
     if not _seen(fit, gradient):

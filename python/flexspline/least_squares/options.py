@@ -100,6 +100,8 @@ class MotionOptions:
     folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
         the fits without find is within the intervals.
     seed : of the starts.
+    bandwidth : as for `FitOptions`, of the regression that comes first and of what the torque is
+        predicted from; the motion is compared as it is.
     robust : "huber" weighs down outliers in the regression that comes first; None does not.
     threads : that simulations are shared among.
     progress : show what is being done on standard error.
@@ -114,6 +116,7 @@ class MotionOptions:
     starts: int = 8
     folds: int = 4
     seed: int = 0
+    bandwidth: float | None = None
     robust: str | None = None
     threads: int = 1
     progress: bool = False

@@ -607,6 +607,7 @@ class SimulationFit:
     folds : (K, P): values without each fold; `folds_by` says what a fold is.
     controller : the law with its fitted fields, or None where the motor's torque is measured.
     steps_per_sample : of the simulation.
+    logs : that were simulated, as recorded: the rows of a torque may read a smoothed motion.
     """
 
     runs: tuple[RunGap, ...]
@@ -618,6 +619,7 @@ class SimulationFit:
     folds_by: str
     controller: PositionServo | None
     steps_per_sample: int
+    logs: tuple[Log, ...] = field(repr=False)
 
     @property
     def rmse(self) -> float:

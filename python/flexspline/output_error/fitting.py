@@ -22,7 +22,6 @@ Sources: [EfronStein1981]; for clusters [BellMcCaffrey2002] (CR3), [CameronMille
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -187,11 +186,12 @@ def assembled(
     servo = None if law is None else law.with_fields(moved)
     parameters = _parameters(regression, cost, best.point, errors)
     uncertainty = _uncertainty(regression, cost, best.point, errors)
-    record = _record(cost, found, folds, without, servo)
-    runs = _runs(regression, cost, logs, servo, best, folds, without)
+    record = _record(cost, found, folds, without, servo, logs)
+    given = logs if servo is None else [with_servo_torque(g, servo, fitted.target) for g in logs]
+    runs = _runs(regression, cost, given, best, folds, without)
     problem = problem_of(
-        [run.log for run in runs], fitted.effects, fitted.target, known_load=fitted.known_load,
-        lowpass_hz=regression.lowpass, threads=cost.threads,
+        given, fitted.effects, fitted.target, known_load=fitted.known_load,
+        lowpass_hz=regression.lowpass, threads=cost.threads, inputs=[run.log for run in runs],
     )  # fmt: skip
     residuals = [run.residual for run in runs]
     scores = scores_of(problem, residuals, [run.held_out for run in runs])
@@ -289,6 +289,7 @@ def _record(
     folds: Folds,
     without: Sequence[Descent],
     servo: PositionServo | None,
+    logs: Sequence[Log],
 ) -> SimulationFit:
     space, best = cost.space, best_of(found)
 
@@ -305,6 +306,7 @@ def _record(
         folds_by=folds.by,
         controller=servo,
         steps_per_sample=cost.steps,
+        logs=tuple(logs),
     )
 
 
@@ -328,24 +330,24 @@ def _runs(
     regression: Fit,
     cost: Cost,
     logs: Sequence[Log],
-    servo: PositionServo | None,
     best: Descent,
     folds: Folds,
     without: Sequence[Descent],
 ) -> tuple[FittedRun, ...]:
-    """Targets and residuals of the torque, by the parameters of the motion."""
+    """Targets and residuals of the torque, by the parameters of the motion.
+
+    `logs`: as recorded, with the torque of the fitted law; rows read them as the regression does.
+    """
     runs = []
     for k, (old, log) in enumerate(zip(regression.runs, logs, strict=True)):
-        target = regression.target
-        again = old.log if servo is None else with_servo_torque(log, servo, target)
-        made = _predicted(regression, cost, best.point, again)
-        held_out = np.full(len(again), np.nan)
+        made = _predicted(regression, cost, best.point, log)
+        held_out = np.full(len(log), np.nan)
         for fold, out in zip(without, folds.left_out, strict=True):
             rows = out[k] & old.counts
             if rows.any():
-                other = _predicted(regression, cost, fold.point, again)
+                other = _predicted(regression, cost, fold.point, log)
                 held_out[rows] = (other.measured - other.predicted)[rows]
-        runs.append(FittedRun(_derived(old.log, again), made.measured, made.predicted, held_out,
+        runs.append(FittedRun(_derived(old.log, log), made.measured, made.predicted, held_out,
                               old.counts))  # fmt: skip
     return tuple(runs)
 
@@ -359,9 +361,10 @@ def _derived(old: Log, again: Log) -> Log:
 
 def _predicted(regression: Fit, cost: Cost, point: Array, log: Log) -> Any:
     part, _ = cost.space.at(point)
-    kept = {key: regression.part.record[key] for key in ("channels", "lowpass")}
+    record = regression.part.record
+    kept = {key: record[key] for key in ("channels", "lowpass", "prepared") if key in record}
     model = Model({}).with_part(replace(part, record=kept), dict(regression.model.facts))
-    return model.predict(log, part.target)
+    return model.predict(log, part.target, lowpass_hz=regression.lowpass)
 
 
 def _warnings(parameters: Sequence[Parameter], record: SimulationFit) -> list[str]:
@@ -487,7 +490,7 @@ def fit_motion(
     controller : the servo's law that drives the simulation, or the path of its `servo.json`; None:
         the measured motor torque does. Without a torque channel, `duty` gives the regression's.
     known_load, orders, fixed, bounds, checks, into : as for `fit`.
-    lowpass : Hz, of the regression alone; the motion is compared as it is.
+    lowpass : Hz, of the regression and the torque's errors; the motion is compared as it is.
     options : what few calls need, see `MotionOptions`.
 
     Returns
@@ -508,7 +511,7 @@ def fit_motion(
     how = MotionOptions() if options is None else options
     settings, runs = settings_of(controller, how), runs_of(logs)
     chosen = with_orders(effects, orders or {})
-    regression = FitOptions(bandwidth=math.inf, robust=how.robust, threads=how.threads)
+    regression = FitOptions(bandwidth=how.bandwidth, robust=how.robust, threads=how.threads)
     regress = partial(
         fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
         bounds=bounds, checks=checks, options=regression,

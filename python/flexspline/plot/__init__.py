@@ -510,7 +510,7 @@ def simulated_motion(fit: Fit, run: str = "worst", ax: Axes | None = None) -> Ax
     if fit.simulation is None:
         raise InputError("the fit is a regression; fit with by='simulation' to draw its motion")
     number = _chosen(fit, run)
-    log = fit.runs[number].log
+    log = fit.simulation.logs[number]
     made = simulate(fit.model, log, target=fit.target, controller=fit.simulation.controller)
     ax = axes_or_new(ax)
     time = log["time"] - log["time"][0]

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.result import bend_of, percent_text
+from flexspline.calibration.result import bend_of, held_in_drift, percent_text
+from flexspline.errors import listed
 from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
@@ -19,6 +20,7 @@ from flexspline.report.text import UNKNOWN, Verdict, faults_sentence, unknown_er
 
 if TYPE_CHECKING:
     from flexspline.calibration.accuracy import Figure
+    from flexspline.calibration.regression import Alone
     from flexspline.calibration.result import CalibrationResult
     from flexspline.calibration.thermal import ThermalLeg
     from flexspline.least_squares.result import Parameter
@@ -194,6 +196,7 @@ class CalibrationLine:
 def calibration_verdict(result: CalibrationResult) -> Verdict:
     """Return how good the calibration is on held-out rows, and what is wrong with it."""
     worst = f"{sized(result, result.worst_fold)} in the worst of {len(result.fold_rmses)} parts"
+    worst += "".join(f", and {_determines(one)}" for one in result.alone)
     held = f"{sized(result, result.cv_rmse)} RMSE on held-out rows"
     if result.calibration is None:
         good = f"No calibration, but the drift in volts: {held}, {worst}."
@@ -300,7 +303,7 @@ def told(result: CalibrationResult) -> list[str]:
     said.append(
         f"Held out: each of {len(result.fold_rmses)} {held} in turn; RMSE in the median "
         f"{sized(result, result.median_fold)}, in the worst {sized(result, result.worst_fold)}; in "
-        f"sample {sized(result, result.rmse)}.{_held_zero(result)}"
+        f"sample {sized(result, result.rmse)}.{_held_zero(result)}{_no_runs(result)}"
     )
     test = result.zero_test
     if test is not None and not test.moved and test.tested < len(result.runs) - 1:
@@ -308,7 +311,22 @@ def told(result: CalibrationResult) -> list[str]:
             "A zero that moved between the runs could pass for drift here, unseen: the temperature "
             "changes too little within the runs."
         )
+    if result.drift_beside_bend:
+        what = "Drift and thermal lag are" if result.shape.lag else "The drift is"
+        said.append(f"{what} found beside bend and hysteresis, so that none of these goes there.")
     return [*said, result.uncertainty.statement, noise_alone(result)]
+
+
+def _determines(one: Alone) -> str:
+    """What a part of the runs alone determines, in words."""
+    return f"{one.label} alone determines {listed(n.replace('_', ' ') for n in one.names)}"
+
+
+def _no_runs(result: CalibrationResult) -> str:
+    """Why no whole runs were left out, where that is for what one alone determines."""
+    if not result.instead:
+        return ""
+    return f" No whole run is held out, for {'; '.join(map(_determines, result.instead))}."
 
 
 def noise_alone(result: CalibrationResult) -> str:
@@ -392,6 +410,10 @@ def _line(
         remarks.append(UNKNOWN)
     elif not shown.significant:
         remarks.append("not significant")
+    if shown.state == "fitted" and (name.startswith("drift") or name == "thermal_lag"):
+        held = held_in_drift(result)
+        remarks += [held] if held else []
+        concern = concern or bool(held)
     if name == "zero" and result.zeros:
         remarks.append("mean of the zeros of the runs")
     if name in MEANS:

@@ -288,7 +288,7 @@ def python_call(fit: Fit) -> str:
     name, kind = (
         ("fit", "FitOptions") if fit.simulation is None else ("fit_motion", "MotionOptions")
     )
-    options = _fit_options(fit) if fit.simulation is None else _motion_options(fit.simulation)
+    options = _fit_options(fit) if fit.simulation is None else _motion_options(fit, fit.simulation)
     if options:
         lines.append(f"options=flexspline.{kind}({', '.join(options)})")
     return f"fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
@@ -315,9 +315,10 @@ def _fit_options(fit: Fit) -> list[str]:
     return options
 
 
-def _motion_options(found: SimulationFit) -> list[str]:
+def _motion_options(fit: Fit, found: SimulationFit) -> list[str]:
     free = [name.removeprefix("controller.") for name in found.names if "controller." in name]
     given = [f"starts={len(found.starts)}", f"folds={len(found.folds)}"]
+    given += bandwidth_given(fit.bandwidth)
     return [*given, f"free_controller={free!r}"] if free else given
 
 
