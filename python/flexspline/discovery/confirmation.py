@@ -62,6 +62,10 @@ Residuals = tuple[Array, ...]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 SMALL, UNSEEN = "too small to matter", "too small to be seen held out"
+UNTRIED = (
+    " The confidence is lower for {}, which was not tried and may be what this is: motor_current "
+    "explains most of it, and torque_constant is not stated (state 1 where it is not known)."
+)
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
 
 
@@ -386,13 +390,13 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
     dictionary = made.searcher.context.dictionary(made.final, made.searcher.whitening)
     gain, left = dictionary.gain(name), made.leftover
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
-    aliases = sum(rival.alias for rival in rivals)
+    aliases, untried = sum(r.alias for r in rivals), made.searcher.by_untried(made.final, name)
     retained, beside = left.retained.get(name, 1.0), left.gain
     if beside > SETTINGS.bends * gain and made.closes_most(name):
         retained, beside = 1.0, 0.0  # it is no part of what is left
     return Sure(
-        confidence(gain, above, retained, beside, aliases),
-        doubt(gain, retained, beside, left.channels),
+        confidence(gain, above, retained, beside, aliases + bool(untried)),
+        doubt(gain, retained, beside, left.channels) + (UNTRIED.format(untried) if untried else ""),
     )
 
 

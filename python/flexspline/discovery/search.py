@@ -29,7 +29,9 @@ from flexspline.discovery.basis import (
     turning_over,
 )
 from flexspline.discovery.candidates import (
+    EXCLUDED,
     ONE_SINE,
+    TAKEN,
     Candidate,
     SeenOrders,
     candidates_for,
@@ -56,7 +58,7 @@ from flexspline.discovery.physics import (
     impossible,
 )
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import UNITS, Effect, Harmonic
+from flexspline.effects import CATALOGUE, UNITS, Effect, Harmonic
 from flexspline.effects.causes import (
     COULOMB,
     GRAVITY,
@@ -255,6 +257,7 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
 SPEED = "output_velocity"
+MOTOR_TORQUE, MOTOR_CURRENT = "motor_torque", "motor_current"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 UNMODULATED = "the same orders explain as much with one amplitude at all speeds"
 BY_SMOOTHING = "the motion smoothed more or less explains as much"
@@ -662,6 +665,27 @@ class Searcher:
         model = np.arange(len(rest.owners()))
         own = model.size + np.arange(len(effect.terms))
         return table.gain(own, np.append(model, own[-1] + 1)) < 0.5 * table.gain(own, model)
+
+    def by_untried(self, work: CandidateModel, name: str) -> str:
+        """An effect that was not tried and may be what a name says, "" of none.
+
+        It follows the motor's torque, of which the runs have the current alone, without the
+        constant; and that explains most of what the name does.
+        """
+        problem, rest = self.context.thinned().problem, work.without(name)
+        reasons = self.context.not_tried.items()
+        untried = (n for n, why in reasons if why not in (EXCLUDED, TAKEN) and n in CATALOGUE)
+        found = next((n for n in untried if CATALOGUE[n].reads == (MOTOR_TORQUE,)), "")
+        columns = tuple(r.log[MOTOR_CURRENT] for r in problem.runs if MOTOR_CURRENT in r.log)
+        if not found or len(columns) < len(problem.runs):
+            return ""
+        effect = next(e for e in work.effects if e.name == name)
+        given = Functions(column=columns)
+        table = tabulated(problem, rest.assembly(beside=[effect], given=given), self.whitening)
+        model = np.arange(len(rest.owners()))
+        own = model.size + np.arange(len(effect.terms))
+        kept = table.gain(own, np.append(model, own[-1] + 1))
+        return found if kept < 0.5 * table.gain(own, model) else ""
 
     def _unmodulated(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether a ripple whose amplitude follows the speed keeps next to nothing, or no more than

@@ -229,17 +229,20 @@ def _names_told(found: Sequence[Found]) -> str:
 
     What closes most comes first, sure or not, and with what explains the runs as well.
     """
-    sure = [_or_alias(one) for one in found if one.confidence >= LIKELY]
+    sure = [_or_alias(one) for one in found if _likely(one)]
     unsure = [
-        f"{_or_alias(one)} at {100.0 * one.confidence:.0f} %"
-        for one in found
-        if one.confidence < LIKELY
+        f"{_or_alias(one)} at {100.0 * one.confidence:.0f} %" for one in found if not _likely(one)
     ]
     verbs = [("lacks", sure), ("may lack", unsure)]
-    if max(found, key=lambda one: one.share_of_gap).confidence < LIKELY:
+    if not _likely(max(found, key=lambda one: one.share_of_gap)):
         verbs.reverse()
     told = [f"{verb} {listed(names, most=len(names))}" for verb, names in verbs if names]
     return ", and ".join(told)
+
+
+def _likely(one: Found) -> bool:
+    """Whether it, or what explains the runs as well and stands beside it, is likelier than not."""
+    return one.confidence > LIKELY or (one.confidence == LIKELY and bool(one.aliases))
 
 
 def _or_alias(one: Found) -> str:
