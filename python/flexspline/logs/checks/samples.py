@@ -24,6 +24,7 @@ from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
+from flexspline.logs.spikes import SPIKED, spikes
 from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
@@ -31,7 +32,9 @@ DROP_STEPS = 1.75
 
 DROPPED = "dropped_samples"
 
-LEFT_OUT = re.compile(r"(drop_(?:invalid|duplicates|repeated|clipped)): .*?dropped: (\d+)(?:;|$)")
+LEFT_OUT = re.compile(
+    r"(drop_(?:invalid|duplicates|repeated|clipped|spikes)): .*?dropped: (\d+)(?:;|$)"
+)
 """What a log's history says of a repair that leaves out single rows (`logs/repairs.py`)."""
 
 JITTER_SHARE = 0.05
@@ -399,6 +402,30 @@ def clipped(log: Log) -> Iterator[Finding]:
                 f"Ask for the repair drop_clipped={channel}:{limit!r}, or record with a wider "
                 "range.",
             )
+
+
+def spiked(log: Log) -> Iterator[Finding]:
+    """Single rows that leap out of a channel that goes on as it came."""
+    for channel in SPIKED:
+        rows = spikes(log["time"], log[channel]) if channel in log else np.zeros(0, np.intp)
+        if not rows.size:
+            continue
+        values, unit = log[channel], CHANNELS[channel].unit
+        first, last = rows[0], rows[0]
+        while last + 1 in rows[:2]:
+            last += 1
+        yield Finding(
+            "spikes",
+            "fault",
+            channel,
+            _span(rows),
+            float(rows.size),
+            "rows",
+            f"{channel} leaps in {_counted(rows.size, 'single row')}, first to "
+            f"{values[first]:.4g} {unit} in row {first} between {values[first - 1]:.4g} and "
+            f"{values[last + 1]:.4g}: no joint is as fast, what reads or sends it fails.",
+            f"Ask for the repair drop_spikes={channel}, or fit with --robust (robust=True).",
+        )
 
 
 def wrapped(log: Log) -> Iterator[Finding]:
