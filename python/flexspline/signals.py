@@ -31,7 +31,7 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.dependence import called, copies
 from flexspline.logs.derive import differentiate
-from flexspline.logs.log import IMAGINABLE, LEAST, Log, limits_of
+from flexspline.logs.log import IMAGINABLE, LEAST, Log, limits_of, who_reads
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.own import design_of
@@ -315,8 +315,8 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
         if len(beyond):
             raise InputError(
                 f"log '{log.name}': {name} is {values[beyond[0]]:.4g} in row {beyond[0]}, which no "
-                f"instrument reads (rows of this kind: {len(beyond)}): an overload is written so; "
-                "ask for the repair drop_invalid, or correct the recording"
+                f"{who_reads(name)} (rows of this kind: {len(beyond)}): an overload is written so, "
+                "or a broken connection; ask for the repair drop_invalid, or correct the recording"
             )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from checks_logs import sound_log
 
+import flexspline
+from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import Finding, Findings, check
 from flexspline.logs.repairs import repaired
@@ -200,3 +202,13 @@ def test_a_current_that_leaps_at_each_reversal_is_read_without_its_sign(rate: fl
     columns = {"time": time, "output_position": np.sin(2.0 * time), "motor_current": count % 2**16}
     (finding,) = check(Log(columns)).named("unsigned_channel")
     assert "bits = 16" in finding.remedy
+
+
+def test_a_fit_that_reads_no_temperature_goes_on_and_one_that_does_is_refused() -> None:
+    made = warming()
+    made["temperature"][2_000:2_010] = -3276.8
+    log = Log({**made, "output_velocity": np.cos(made["time"])}, {"gear_ratio": 100.0})
+    fit = flexspline.fit(["offset", "coulomb_friction"], [log], target="motor_torque")
+    assert any("temperature is beyond what any joint has in 10 rows" in w for w in fit.warnings)
+    with pytest.raises(InputError, match=r"temperature is -3277 .* no joint has .*drop_inv"):
+        flexspline.fit(["temperature_dependent_friction"], [log], target="motor_torque")

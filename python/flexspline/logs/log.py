@@ -55,6 +55,7 @@ __all__ = [
     "require_clock",
     "unmasked",
     "unmasking_notes",
+    "who_reads",
 ]
 
 
@@ -455,9 +456,15 @@ def limits_of(channel: str) -> tuple[float, float]:
     return -most, most
 
 
+def who_reads(channel: str) -> str:
+    """Return who never says what is beyond the limits of a channel: "instrument reads"."""
+    if channel in TEMPERATURES:
+        return "joint has"
+    return "recorder stamps" if channel == "time" else "instrument reads"
+
+
 def beyond(log: Log) -> Iterator[Beyond]:
     """Give each channel with finite numbers beyond the limits."""
-    said = {"time": "recorder stamps", **dict.fromkeys(TEMPERATURES, "joint has")}
     for name, values in log.columns.items():
         low, high = limits_of(name)
         if low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high:
@@ -465,7 +472,7 @@ def beyond(log: Log) -> Iterator[Beyond]:
         rows = np.flatnonzero(np.isfinite(values) & ((values < low) | (values > high)))
         if len(rows):
             unit = CHANNELS[name].unit
-            what = said.get(name, "instrument reads")
+            what = who_reads(name)
             count = "in one row" if len(rows) == 1 else f"in {len(rows)} rows"
             yield Beyond(
                 name,
