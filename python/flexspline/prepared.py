@@ -200,7 +200,7 @@ def noise_of_channels(logs: Sequence[Log], threads: int = 1) -> dict[str, Channe
     shared = [
         name
         for name in logs[0].channels
-        if name != "time" and all(name in log and is_read(log[name]) for log in logs)
+        if name != "time" and all(name in log and is_read(name, log[name]) for log in logs)
     ]
     found = in_order(threads, lambda name: channel_noise(logs, name), shared)
     return {name: one for name, one in zip(shared, found, strict=True) if one is not None}

@@ -31,7 +31,7 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.dependence import called, copies
 from flexspline.logs.derive import differentiate
-from flexspline.logs.log import IMAGINABLE, LEAST, Log
+from flexspline.logs.log import IMAGINABLE, LEAST, Log, limits_of, who_reads
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.own import design_of
@@ -308,14 +308,15 @@ def _ratio(log: Log, target: str) -> float:
 def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
     """Refuse columns (N,) with NaN, infinities or an overload, naming channel and row."""
     for name, values in columns.items():
-        if max(values.max(), -values.min()) <= IMAGINABLE:
+        low, high = limits_of(name)
+        if low <= values.min() and values.max() <= high:
             continue
-        beyond = np.flatnonzero(np.isfinite(values) & (np.abs(values) > IMAGINABLE))
+        beyond = np.flatnonzero(np.isfinite(values) & ((values < low) | (values > high)))
         if len(beyond):
             raise InputError(
                 f"log '{log.name}': {name} is {values[beyond[0]]:.4g} in row {beyond[0]}, which no "
-                f"instrument reads (rows of this kind: {len(beyond)}): an overload is written so; "
-                "ask for the repair drop_invalid, or correct the recording"
+                f"{who_reads(name)} (rows of this kind: {len(beyond)}): an overload is written so, "
+                "or a broken connection; ask for the repair drop_invalid, or correct the recording"
             )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):

@@ -158,6 +158,49 @@ def test_a_load_of_the_wrong_sign_or_unit_is_told_and_repaired_as_said(
         assert not check(repaired(log, asked)).faults
 
 
+NEWTON_METRES = {"kgf·m": 9.80665, "kgf·cm": 0.0980665, "lbf·ft": 1.355818, "lbf·in": 0.1129848,
+                 "ozf·in": 0.00706155, "cNm": 0.01, "daNm": 10.0}  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", NEWTON_METRES)
+@pytest.mark.parametrize("channel", ["reference_torque", "sensor_torque"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_torque_in_another_unit_than_its_load_is_told_and_repaired_as_said(
+    unit: str, channel: str, way: int
+) -> None:
+    """A load cell in kgf·m, lbf·ft or lbf·in passed: 1000 and the gear ratio alone were known."""
+    factor = NEWTON_METRES[unit] ** way
+    log = beside_a_load_cell(**{channel: factor})
+    sensor = Log({n: log[n] for n in log.channels if n != "motor_torque"}, log.facts)
+    (finding,) = [f for f in check(sensor).faults if f.name in SLIPS]
+    assert (finding.name, finding.channel) == ("load_scale", "sensor_torque")
+    assert unit in finding.sentence and finding.sentence.count(" in Nm and was taken") <= 2
+    asked = re.findall(rf"scale={channel}:[\d.e+-]*\d", finding.remedy)[0]
+    assert not check(repaired(sensor, asked)).faults
+
+
+@pytest.mark.parametrize(
+    ("factor", "severity"),
+    [(9.81, "fault"), (0.113, "fault"), (100.0, "fault"), (1.3558, "note"), (0.7376, "note")],
+)
+def test_a_drive_s_factor_of_an_efficiency_is_no_sure_fault(factor: float, severity: str) -> None:
+    log = beside_a_load_cell(reference_torque=factor, sensor_torque=factor)
+    found = [f for f in check(log) if f.name == "load_scale"]
+    assert [(f.channel, f.severity) for f in found] == [("motor_torque", severity)]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_gains_of_a_sensor_and_a_drive_are_no_units(seed: int) -> None:
+    """Within the quarter that torque constant and efficiency make, and where no unit is near."""
+    rng = np.random.default_rng(seed)
+    for sensor, motor in (
+        rng.uniform(0.83, 1.2, 2),
+        np.exp(rng.uniform(np.log(2.0), np.log(7.0), 2)) ** rng.choice([-1, 1], 2),
+    ):
+        log = beside_a_load_cell(sensor_torque=sensor, motor_torque=motor)
+        assert not [f for f in check(log) if f.name in SLIPS]
+
+
 def test_a_load_cell_that_sees_another_load_judges_no_torque() -> None:
     """Where the load explains but a part of what motion leaves, its factor is not the joint's."""
     log = beside_a_load_cell(part=-0.4)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from checks_logs import sound_log
 
+import flexspline
+from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import Finding, Findings, check
 from flexspline.logs.repairs import repaired
@@ -139,3 +141,74 @@ def test_a_drive_that_is_off_is_not_clipped_at_zero() -> None:
     assert check(Log(columns)).named("clipped_channel")
     found = check(Log({**columns, "enabled": np.where(off, 0.0, 1.0)}))
     assert not found.named("clipped_channel") and found.named("drive_disabled")
+
+
+def warming(rows: int = 6_000) -> dict[str, np.ndarray]:
+    """A joint that swings, with a thermometer of steps of 0.1 K that reads 25 to 26 °C."""
+    time = np.arange(rows) / 500.0
+    noise = np.random.default_rng(5).standard_normal(rows)
+    return {
+        "time": time,
+        "output_position": np.sin(time),
+        "motor_torque": 0.1 * np.tanh(np.cos(time) / 0.01) + 0.01 * noise,
+        "temperature": np.round(10.0 * (25.0 + time / time[-1] + 0.05 * noise)) / 10.0,
+    }
+
+
+@pytest.mark.parametrize("channel", ["temperature", "motor_temperature"])
+@pytest.mark.parametrize("value", [-3276.8, -999.0, -273.15, 850.0, 999.0, 3276.7, 6553.5, 65535.0])
+@pytest.mark.parametrize("count", [1, 10, 3_000])
+def test_a_temperature_that_no_joint_has_is_impossible_and_no_unread_sign(
+    channel: str, value: float, count: int
+) -> None:
+    """−3276.8 °C in ten rows was called whole numbers of 32 bits, which forbids every fit."""
+    columns = warming()
+    made = {**columns, channel: columns["temperature"].copy()}
+    made[channel][2_000 : 2_000 + count] = value
+    log = Log(made)
+    found = check(log)
+    assert not found.errors
+    (finding,) = found.named("impossible_value")
+    assert (finding.channel, finding.rows, finding.size) == (channel, (2_000, 2_000 + count), count)
+    assert finding.severity == "fault" and "joint has" in finding.sentence
+    left = repaired(log, "drop_invalid")
+    assert len(left) == len(log) - count and not check(left).named("impossible_value")
+
+
+def test_a_thermometer_that_is_broken_throughout_hides_no_other_fault() -> None:
+    columns = {**warming(), "output_velocity": np.degrees(np.cos(warming()["time"]))}
+    for temperature in (columns["temperature"], np.full(6_000, 2_048.0)):
+        assert check(Log({**columns, "temperature": temperature})).named("velocity_unit")
+
+
+@pytest.mark.parametrize("value", [6553.5, 6553.0, 5200.0])
+@pytest.mark.parametrize("channel", ["motor_current", "reference_torque", "thermistor_voltage"])
+def test_a_sensor_that_fails_now_and_then_is_not_read_without_its_sign(
+    channel: str, value: float
+) -> None:
+    """Its values never come near zero, from which those without their sign jump."""
+    columns = warming()
+    made = {**columns, channel: columns["temperature"].copy()}
+    for first in (500, 2_000, 2_500):
+        made[channel][first : first + 10] = value
+    assert not check(Log(made)).named("unsigned_channel")
+
+
+@pytest.mark.parametrize("rate", [50.0, 500.0])
+def test_a_current_that_leaps_at_each_reversal_is_read_without_its_sign(rate: float) -> None:
+    time = np.arange(int(20 * rate)) / rate
+    noise = np.random.default_rng(6).standard_normal(len(time))
+    count = np.round(300.0 * np.sign(np.cos(2.0 * time)) + 2.0 * noise)
+    columns = {"time": time, "output_position": np.sin(2.0 * time), "motor_current": count % 2**16}
+    (finding,) = check(Log(columns)).named("unsigned_channel")
+    assert "bits = 16" in finding.remedy
+
+
+def test_a_fit_that_reads_no_temperature_goes_on_and_one_that_does_is_refused() -> None:
+    made = warming()
+    made["temperature"][2_000:2_010] = -3276.8
+    log = Log({**made, "output_velocity": np.cos(made["time"])}, {"gear_ratio": 100.0})
+    fit = flexspline.fit(["offset", "coulomb_friction"], [log], target="motor_torque")
+    assert any("temperature is beyond what any joint has in 10 rows" in w for w in fit.warnings)
+    with pytest.raises(InputError, match=r"temperature is -3277 .* no joint has .*drop_inv"):
+        flexspline.fit(["temperature_dependent_friction"], [log], target="motor_torque")

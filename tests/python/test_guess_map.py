@@ -542,3 +542,58 @@ def test_a_reason_is_given_once() -> None:
     assert joined("the velocity's integral", "", "the velocity's integral") == (
         "the velocity's integral"
     )
+
+
+def angles_without_units(path: Path, **factors: float) -> Guess:
+    """The guess of a joint of 100:1 whose columns have no units, each times a factor of rad."""
+    time = np.arange(8000) * 0.002
+    q = 1.2 * np.sin(time) + 0.5 * np.sin(2.3 * time)
+    speed = 1.2 * np.cos(time) + 1.15 * np.cos(2.3 * time)
+    columns = {
+        "q": q,
+        "dq": speed,
+        "phi_m": 100.0 * q + 0.01 * np.sin(200.0 * q),
+        "tau_motor": 0.1 * np.tanh(speed / 0.01) + 0.05 * speed,
+    }
+    scaled = {name: factors.get(name, 1.0) * values for name, values in columns.items()}
+    table = np.column_stack([time, *scaled.values()])
+    np.savetxt(path, table, delimiter=",", header=",".join(["t", *scaled]), comments="")
+    return guess_map(path)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+@pytest.mark.parametrize("velocity", [True, False])
+def test_angles_of_one_file_without_units_are_in_one_unit(
+    unit: str, velocity: bool, tmp_path: Path
+) -> None:
+    """q was taken for degrees by its size, phi_m for rad, and the gear for 5730:1, surely."""
+    names = ["q", "phi_m", *(["dq"] if velocity else [])]
+    factor = np.degrees(1.0) if unit == "deg" else 1.0
+    guess = angles_without_units(tmp_path / "run.csv", **dict.fromkeys(names, factor))
+    assert guess.facts["gear_ratio"] == 100.0
+    assert guess.channels["output_position"].unit == guess.channels["motor_position"].unit == unit
+    assert guess.log()["motor_position"].max() == pytest.approx(100 * 1.7, rel=0.05)
+    assert not any("gear_ratio" in said and "degrees" in said for said in guess.unsure)
+
+
+@pytest.mark.parametrize(("name", "ratio"), [("phi_m", 5730.0), ("q", 1.7453)])
+def test_a_ratio_that_degrees_beside_radians_make_is_unsure(
+    name: str, ratio: float, tmp_path: Path
+) -> None:
+    guess = angles_without_units(tmp_path / "run.csv", **{name: np.degrees(1.0), "dq": np.nan})
+    assert guess.facts["gear_ratio"] == pytest.approx(ratio, rel=1e-3)
+    (said,) = (each for each in guess.unsure if "gear_ratio" in each)
+    assert "in degrees and the other in radians?" in said and " 100;" in said
+
+
+def test_a_unit_that_is_stated_of_one_angle_is_the_other_s_where_a_gear_is_between(
+    tmp_path: Path,
+) -> None:
+    for unit, own in (("rad", 1.0), ("deg", np.degrees(1.0))):
+        for factor, motor in ((1.0, "rad"), (np.degrees(1.0), "deg")):
+            path = tmp_path / "run.csv"
+            angles_without_units(path, q=own, dq=np.nan, phi_m=factor)
+            path.write_text(path.read_text().replace("t,q,", f"t,q [{unit}],", 1))
+            guess = guess_map(path)
+            assert guess.channels["motor_position"].unit == motor
+            assert guess.facts["gear_ratio"] == 100.0

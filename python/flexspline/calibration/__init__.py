@@ -28,7 +28,6 @@ from flexspline.calibration.parameters import (
 from flexspline.calibration.regression import Regression, Shape, cross_validate, regress
 from flexspline.calibration.result import CalibratedRun, CalibrationResult, views_of, warnings_of
 from flexspline.calibration.runs import (
-    POSSIBLE,
     CalibrationRun,
     calibration_runs,
     why_unexcited,
@@ -44,7 +43,7 @@ from flexspline.errors import InputError, above_zero, number
 from flexspline.estimators import Calibration
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
-from flexspline.logs.log import Log
+from flexspline.logs.log import Log, limits_of
 from flexspline.model import Model, require_model
 from flexspline.schema import plain_json
 from flexspline.signals import IMAGINABLE
@@ -259,7 +258,7 @@ def _require_sense(asked: Asked) -> None:
 
 def _require_possible(asked: Asked) -> None:
     """Refuse numbers that no sensor has, which overflow further on."""
-    low, high, _ = POSSIBLE["temperature"]
+    low, high = limits_of("temperature")
     for name, value, least, most, unit in (
         ("reference_temperature", asked.reference_temperature, low, high, "°C"),
         ("thermal_lag", asked.thermal_lag, 0.0, IMAGINABLE, "s"),

@@ -20,10 +20,9 @@ from flexspline.estimators import Thermistor
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.log import Log
+from flexspline.logs.log import Log, limits_of
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
-from flexspline.signals import IMAGINABLE
 
 __all__ = ["CalibrationRun", "calibration_runs", "contrasts", "why_unexcited"]
 
@@ -33,7 +32,6 @@ VOLTAGE = "sensor_voltage"
 MOST_VOLTS = 30.0  # no converter of a bridge reads more; millivolts do
 LEAST_VOLTS = 1e-5  # of full range: a bridge that says nothing, or another unit
 WARMEST = 200.0  # °C; above it the column is kelvin
-POSSIBLE = {"temperature": (-273.15, 1000.0, "°C")}
 MOST_LEAP = 10.0  # K, of one row against both of its neighbours
 MOST_TORQUE = 1e4  # Nm, the largest strain wave gears
 LEAST_ROWS = 16
@@ -233,14 +231,14 @@ def _require_possible(log: Log) -> None:
     A temperature may step between settled levels, but not leap for one row and come back.
     """
     for channel in (name for name in log.channels if name != "time"):
-        low, high, unit = POSSIBLE.get(channel, (-IMAGINABLE, IMAGINABLE, ""))
+        low, high = limits_of(channel)
         values = log[channel]
         bad = (values < low) | (values > high)
         if channel == "temperature" and len(log) > 2:
             bad[1:-1] |= np.abs(values - medfilt(values, 3))[1:-1] > MOST_LEAP
         rows = np.flatnonzero(bad)
         if len(rows):
-            said = f"{values[rows[0]]:.4g} {unit}".rstrip()
+            said = f"{values[rows[0]]:.4g} {CHANNELS[channel].unit}"
             raise InputError(
                 f"log '{log.name}': {channel} is {said} in row {rows[0]}, which cannot be (rows of "
                 f"this kind: {len(rows)}): an overload, a broken connection or another unit; leave "

@@ -6,6 +6,7 @@ Units are resolved by pint, the usual ones without it.
 from __future__ import annotations
 
 import functools
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -19,7 +20,14 @@ from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.one_clock import on_one_clock
 from flexspline.logs.table import Table
-from flexspline.logs.units import canonical_unit, is_stamp, seconds_of_stamps
+from flexspline.logs.units import (
+    COUNTS,
+    canonical_unit,
+    is_stamp,
+    seconds_of_stamps,
+    states_no_unit,
+    without_remark,
+)
 
 __all__ = ["ColumnSource", "ColumnSpec", "Picked", "picked"]
 
@@ -64,7 +72,7 @@ class ColumnSource:
         Name of a column, or its number, counted from 0.
     unit : str, optional
         Unit in the file, such as "deg", "rpm", "mNm"; by default what the file states in a row
-        or an attribute of units, else the channel's own SI unit.
+        or an attribute of units, where an unknown one is an error, else the channel's own SI unit.
     sign : int
         1, or −1 for a column that counts the other way.
     scale : float
@@ -108,7 +116,7 @@ def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
         For an unknown channel, column or unit, a cell that is no number, two channels made
         of one column, columns of unequal length.
     """
-    chosen = {name: _with_unit(table, at) for name, at in _chosen(table, columns).items()}
+    chosen = {name: _with_unit(table, name, at) for name, at in _chosen(table, columns).items()}
     table.require_room({table.index(at.source) for at in chosen.values()})
     table = on_one_clock(table, {name: table.index(at.source) for name, at in chosen.items()})
     channels, notes = {}, []
@@ -157,14 +165,69 @@ def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str,
     return chosen
 
 
-def _with_unit(table: Table, at: ColumnSource) -> ColumnSource:
+def _with_unit(table: Table, channel: str, at: ColumnSource) -> ColumnSource:
     """Return the source with the unit that the file states, where the map states none.
 
-    A unit that is not known counts as none: of a time such as "seconds since 2020-01-01".
+    Counts that a scale or bits of the map make a quantity need no unit beside it, nor does a switch
+    or a date.
+
+    Raises
+    ------
+    InputError
+        Where that unit is not known as one of the channel.
     """
     number = table.index(at.source)
     stated = table.units[number] if table.units and at.unit is None else None
-    return at if stated is None else replace(at, unit=canonical_unit(stated))
+    if stated is None or states_no_unit(stated) or CHANNELS[channel].unit == "0/1":
+        return at
+    if _in_counts(stated) and (at.scale != 1.0 or at.bits is not None):
+        return at
+    bare = without_remark(stated)
+    for unit in (canonical_unit(stated), canonical_unit(bare), bare):
+        if unit and _measures(channel, unit):
+            return replace(at, unit=unit)
+    if channel == "time" and _is_date(table.column(number)):
+        return at
+    raise InputError(_unknown_unit(table, channel, number, stated))
+
+
+def _in_counts(stated: str) -> bool:
+    return without_remark(stated).lower() in COUNTS
+
+
+def _measures(channel: str, unit: str) -> bool:
+    try:
+        to_si(channel, unit)
+    except InputError:
+        return False
+    return True
+
+
+def _is_date(column: NDArray[Any]) -> bool:
+    """Whether a column holds dates or times of day: these are read as seconds, come what may."""
+    return column.dtype.kind in "mM" or (len(column) > 0 and is_stamp(column[0]))
+
+
+def _unknown_unit(table: Table, channel: str, number: int, stated: str) -> str:
+    """Return a sentence: what the file states of a column, and how a map says what it is."""
+    wanted, counts = CHANNELS[channel].unit, _in_counts(stated)
+    why = f"does not measure what is in {wanted}" if _is_unit(wanted, stated) else "is not known"
+    why = "does not say what one is" if counts else why
+    source = table.names[number] if table.names else number
+    entry = f'source = {json.dumps(source, ensure_ascii=False)}, unit = "{_example(wanted)}"'
+    entry += ", scale = 0.001" if counts else ""
+    return (
+        f"{table.label}: {table.title(number)}, as the file states: unit '{shortened(stated)}' "
+        f"{why}; state it in the column map, such as {channel} = {{{entry}}}, as "
+        f"{' or '.join(USUAL.get(wanted, [wanted]))} or whatever it is"
+    )
+
+
+def _is_unit(wanted: str, stated: str) -> bool:
+    try:
+        return len(stated) <= LONGEST_UNIT and _measuring(wanted, stated.strip()) is not None
+    except Exception:  # pint raises many kinds
+        return False
 
 
 def _source(table: Table, channel: str, spec: ColumnSpec) -> ColumnSource:

@@ -29,7 +29,7 @@ from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
-from flexspline.logs.log import IMAGINABLE, LATEST, Log
+from flexspline.logs.log import Log, limits_of
 from flexspline.logs.packed import memory_limit, require_memory
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, median_step, runs
@@ -280,7 +280,8 @@ def _usable(log: Log, channel: str) -> tuple[Array, Array]:
             f"{log.name}, row {int(stuck[0]) + 1}: time does not increase; repair it "
             f"with sort_time or drop_duplicates."
         )
-    bad = np.flatnonzero(~(np.abs(values) <= (LATEST if channel == "time" else IMAGINABLE)))
+    low, high = limits_of(channel)
+    bad = np.flatnonzero(~((values >= low) & (values <= high)))
     if bad.size:
         wrong = values[bad[0]]
         beyond = f"{wrong:.4g} {CHANNELS[channel].unit}, beyond any instrument"

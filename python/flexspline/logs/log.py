@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "COLDEST",
+    "HOTTEST",
     "IMAGINABLE",
     "LATEST",
     "LEAST",
@@ -47,11 +49,13 @@ __all__ = [
     "emptied",
     "given_number",
     "is_read",
+    "limits_of",
     "measurable",
     "parsed_fact",
     "require_clock",
     "unmasked",
     "unmasking_notes",
+    "who_reads",
 ]
 
 
@@ -71,6 +75,15 @@ IMAGINABLE: Final = 1e9
 """No channel of a log but time is beyond this, in SI units: a motor at 60 000 rpm needs two days
 for 1e9 rad, and what twists, pulls or heats a joint is further from it still. Half and double of it
 change nothing that an instrument has written."""
+
+COLDEST: Final = -273.0
+"""°C: nothing is colder than absolute zero, which an empty reading in kelvin becomes, −273.15."""
+
+HOTTEST: Final = 660.0
+"""°C: no joint is hotter, whose housing is of aluminium: it melts. What a converter writes in place
+of a temperature is above it: 850 of a platinum thermometer without a lead, 999, 3276.7, 65535."""
+
+TEMPERATURES: Final = ("temperature", "motor_temperature")
 
 LATEST: Final = 1e11
 """s: time stamps are within this: 3000 years, so that they may count from the year 0. A double
@@ -435,16 +448,31 @@ class Beyond(NamedTuple):
     sentence: str
 
 
+def limits_of(channel: str) -> tuple[float, float]:
+    """Return the least and the largest number that a channel can hold, in its SI unit."""
+    if channel in TEMPERATURES:
+        return COLDEST, HOTTEST
+    most = LATEST if channel == "time" else IMAGINABLE
+    return -most, most
+
+
+def who_reads(channel: str) -> str:
+    """Return who never says what is beyond the limits of a channel: "instrument reads"."""
+    if channel in TEMPERATURES:
+        return "joint has"
+    return "recorder stamps" if channel == "time" else "instrument reads"
+
+
 def beyond(log: Log) -> Iterator[Beyond]:
     """Give each channel with finite numbers beyond the limits."""
     for name, values in log.columns.items():
-        limit = LATEST if name == "time" else IMAGINABLE
-        if -limit <= np.fmin.reduce(values) and np.fmax.reduce(values) <= limit:
+        low, high = limits_of(name)
+        if low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high:
             continue
-        rows = np.flatnonzero(np.isfinite(values) & (np.abs(values) > limit))
+        rows = np.flatnonzero(np.isfinite(values) & ((values < low) | (values > high)))
         if len(rows):
             unit = CHANNELS[name].unit
-            what = "recorder stamps" if name == "time" else "instrument reads"
+            what = who_reads(name)
             count = "in one row" if len(rows) == 1 else f"in {len(rows)} rows"
             yield Beyond(
                 name,
@@ -454,9 +482,10 @@ def beyond(log: Log) -> Iterator[Beyond]:
             )
 
 
-def is_read(values: NDArray[np.float64]) -> bool:
-    """Whether all values of a channel other than time are such as an instrument reads."""
-    return bool(np.max(np.abs(values), initial=0.0) <= IMAGINABLE)  # not so with NaN
+def is_read(channel: str, values: NDArray[np.float64]) -> bool:
+    """Whether all values of a channel are such as an instrument reads; not so with NaN."""
+    low, high = limits_of(channel)
+    return bool(np.all((values >= low) & (values <= high)))
 
 
 def given_number(value: object, what: str) -> float:
@@ -479,9 +508,10 @@ def given_number(value: object, what: str) -> float:
 
 def emptied(log: Log) -> Log:
     """Return the log with NaN for what no instrument reads, and for a time that is infinite."""
-    made = {one.channel: np.array(log[one.channel]) for one in beyond(log)}
-    for name, values in made.items():
-        values[np.abs(values) > (LATEST if name == "time" else IMAGINABLE)] = np.nan
+    made = {}
+    for one in beyond(log):
+        made[one.channel] = np.array(log[one.channel])
+        made[one.channel][one.rows] = np.nan
     if np.isinf(log["time"]).any():
         made["time"] = np.where(np.isinf(log["time"]), np.nan, made.get("time", log["time"]))
     return log.with_columns(made, note="overloads are empty") if made else log

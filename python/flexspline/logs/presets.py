@@ -45,7 +45,7 @@ from flexspline.logs.splitting import (
     placed_joint,
 )
 from flexspline.logs.table import Table
-from flexspline.logs.units import canonical_unit
+from flexspline.logs.units import COUNTS, states_no_unit, without_remark
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -230,7 +230,7 @@ def _placed(entry: Mapping[str, Any], joint: str | None, label: str) -> list[str
 def _as_stated(entry: Mapping[str, Any], source: str | None, table: Table) -> dict[str, Any]:
     """Return an entry without a unit and a scale where the file itself states a unit."""
     stated = table.units[_names(table).index(source)] if table.units and source else None
-    if stated is None or canonical_unit(stated) is None:
+    if stated is None or states_no_unit(stated) or without_remark(stated).lower() in COUNTS:
         return dict(entry)
     return {key: value for key, value in entry.items() if key not in ("unit", "scale", "bits")}
 

@@ -19,6 +19,7 @@ from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
 from flexspline.logs.log import Log, beyond
 from flexspline.logs.segments import repeats, stuck_from
+from flexspline.logs.spikes import SPIKED, spikes
 
 __all__ = [
     "REPAIRS",
@@ -191,6 +192,20 @@ def _drop_clipped(log: Log, value: str) -> Log:
     return _kept(log, ~clipped, "drop_clipped", note)
 
 
+def _drop_spikes(log: Log, channel: str) -> Log:
+    names = (channel,) if channel else tuple(name for name in SPIKED if name in log)
+    found = {name: spikes(log["time"], log[name]) for name in names}
+    alone = np.zeros(len(log), dtype=bool)
+    for rows in found.values():
+        alone[rows] = True
+    where = listed(f"{len(rows)} in {name}" for name, rows in found.items() if len(rows)) or "none"
+    note = (
+        f"drop_spikes: rows that stand alone in a channel, dropped: {np.count_nonzero(alone)}; "
+        f"{where}"
+    )
+    return _kept(log, ~alone, "drop_spikes", note)
+
+
 def _keep(log: Log, value: str) -> Log:
     start, colon, end = (part.strip() for part in value.partition(":"))
     if not colon or not (start or end):
@@ -320,6 +335,7 @@ REPAIRS: Final[dict[str, Repair]] = {
     "drop_repeated": Repair("", "drop rows that repeat all of the row before", _drop_repeated),
     "drop_stuck": Repair("[channel]", "drop the end that repeats the last sample", _drop_stuck),
     "drop_clipped": Repair("channel:limit", "drop rows at a limit of a channel", _drop_clipped),
+    "drop_spikes": Repair("[channel]", "drop single rows that stand alone", _drop_spikes),
     "keep": Repair("from:to", "keep no more than these seconds of the run's clock", _keep),
     "drop_start": Repair("seconds", "drop the start of the run", _drop_start),
     "drop_end": Repair("seconds", "drop the end of the run", _drop_end),

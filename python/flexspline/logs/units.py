@@ -17,7 +17,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["canonical_unit", "is_stamp", "seconds_of_stamps"]
+__all__ = [
+    "COUNTS",
+    "canonical_unit",
+    "is_stamp",
+    "seconds_of_stamps",
+    "states_no_unit",
+    "without_remark",
+]
 
 
 SMALL: Final = ("mNm", "mA", "mV")  # with a capital M they may be mega
@@ -45,12 +52,16 @@ SPELLINGS: Final[dict[str, tuple[str, ...]]] = {
     "Nm": ("Nm", "newtonmetre", "newtonmeter", "newtonmetres", "newtonmeters", "нм", "N_m"),
     "mNm": ("mNm", "N_mm", "Nmm"),
     "Ncm": ("Ncm",),
+    "cNm": ("cNm",),
+    "dNm": ("dNm",),
+    "daNm": ("daNm",),
     "kilonewton * metre": ("kNm",),
     "uNm": ("uNm", "µNm", "μNm"),
     "lbf * inch": ("lbfin", "lbin", "inlb", "inlbf", "inlbs", "lbsin"),
     "lbf * foot": ("lbfft", "lbft", "ftlb", "ftlbf", "ftlbs"),
     "ozf * inch": ("ozfin", "ozin", "inoz", "inozf"),
     "kgf * cm": ("kgfcm", "kgcm", "kgf_cm"),
+    "kgf * m": ("kgfm", "kgm", "kgf_m"),
     "A": ("A", "А", "amp", "amps", "ampere", "amperes"),
     "mA": ("mA", "мА", "milliamp", "milliamps"),
     "V": ("V", "В", "volt", "volts"),
@@ -63,6 +74,20 @@ SPELLINGS: Final[dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """pint's unit: how it is met. "grad" and "C" are the laboratory's, degrees and not gon or coulomb.
 Not here: "Hz" and "1/s", which of a speed may be turns or radians in a second."""
+
+NO_UNIT: Final = frozenset(
+    (
+        "", "1", "0/1", "?", "none", "null", "nil", "n/a", "na", "nan", "no unit", "no units",
+        "unitless", "dimensionless", "unknown", "undefined", "ohne", "keine", "dimensionslos",
+        "bool", "boolean", "logical", "flag", "state", "on/off", "float", "double", "text",
+        "filtered", "unfiltered", "measured", "actual", "from custom scale",
+    )
+)  # fmt: skip
+"""What recorders write in the place of a unit where they state none, beside dashes: a kind of
+number, a remark, and what TDMS files of LabVIEW say where a user's own scale has the unit."""
+COUNTS: Final = ("count", "counts", "cnt", "cnts", "inc", "incr", "increments", "inkremente",
+                 "inkr", "tick", "ticks", "qc", "quadcounts", "pulses", "lsb", "raw")  # fmt: skip
+"""Whole numbers of an encoder or a converter: what one of them is worth is for a map to say."""
 
 CLOCK: Final = r"\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?"
 STAMP: Final = re.compile(
@@ -87,6 +112,23 @@ def canonical_unit(text: str) -> str | None:
         if unit and (plain in exact or not (unit in SMALL and plain != plain.lower())):
             return unit
     return None
+
+
+def states_no_unit(text: str) -> bool:
+    """Whether a text in the place of a unit states none.
+
+    Examples
+    --------
+    >>> states_no_unit("[-]"), states_no_unit("None"), states_no_unit("foo")
+    (True, True, False)
+    """
+    return _bare(text).strip("-–—−_./ ").lower() in NO_UNIT
+
+
+def without_remark(text: str) -> str:
+    """Return a unit without what is said of it behind: "° (Angle)", "seconds since 2020-01-01"."""
+    bare = re.sub(r"\s*\(.*\)?$", "", _bare(text).strip("'\""))
+    return re.sub(r"\s+since\s.*$", "", bare, flags=re.IGNORECASE)
 
 
 def _bare(text: str) -> str:

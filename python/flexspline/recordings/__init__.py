@@ -49,6 +49,7 @@ from flexspline.recordings.motion import (
     goes_with,
     motion_columns,
     units_of_side,
+    usual_units,
     with_resolutions,
 )
 from flexspline.recordings.text import TextLayout, text_layout
@@ -73,6 +74,9 @@ WORK: Final = 0.02
 the thirty recorders' joints has 0.1."""
 SUPPLY: Final = 3.0  # V, from which an unnamed voltage of one sign is a supply's
 SOLD: Final = (30, 50, 80, 100, 120, 160)  # ratios of strain wave gears in catalogues
+LARGEST: Final = 320.0
+"""The largest ratio of a strain wave gear in catalogues. What takes degrees for radians is 57 times
+too large: of half or twice this, a ratio of 18 or more still is beyond it."""
 FULL_DUTY: Final = 1.05  # a duty cycle is within ±1, but for rounding
 
 USUAL_UNIT: Final = {
@@ -381,8 +385,9 @@ class _Found:
         self._time()
         self.columns = with_resolutions(self.joints.columns, self.said, self.time)
         motion = motion_columns(self.columns, self.taken, self.time, timed=self.timed)
+        usual = usual_units(motion, self.time, self.timed)
         for side in SIDES:
-            self._side(side, motion[side])
+            self._side(side, motion[side], usual[side])
         self._gear()
         self._torques()
         self._currents()
@@ -440,12 +445,12 @@ class _Found:
                 column.number, column.says.name, told.unit, told.sign, told.scale, why, doubt
             )
 
-    def _side(self, side: str, found: Mapping[str, Chosen]) -> None:
+    def _side(self, side: str, found: Mapping[str, Chosen], usual: str) -> None:
         """Add position, velocity and acceleration of one side, each with its unit."""
         position, velocity = (
             found[name].column if name in found else None for name in ("position", "velocity")
         )
-        told = units_of_side(side, position, velocity, self.time, self.timed)
+        told = units_of_side(position, velocity, self.time, self.timed, usual)
         if told.rate is not None:
             why = "under which the velocity is the position's derivative"
             self.clock = Clock(rate=told.rate, reason=why, unsure="the rate is not stated")
@@ -480,6 +485,7 @@ class _Found:
         elif near:
             said = f"the motor turns {turns:.5g} times as far as the output"
             self._fact("gear_ratio", float(whole), said)
+            self.unsure += _beyond_gears(turns)
             if whole - 1 in SOLD:
                 self.unsure.append(
                     f"gear_ratio: {whole} turns are also those of a gear of {whole - 1}:1 whose "
@@ -488,7 +494,8 @@ class _Found:
                 )
         else:
             self._fact("gear_ratio", float(f"{turns:.5g}"), "how far the motor turns")
-            self.unsure.append(f"gear_ratio: {turns:.5g} is no whole number; are both units right?")
+            doubt = f"gear_ratio: {turns:.5g} is no whole number; are both units right?"
+            self.unsure += _beyond_gears(turns) or [doubt]
 
     def _turns(self) -> float | None:
         """Return how far the motor turns for the output, with its sign; by integrals if need be."""
@@ -690,6 +697,23 @@ class _Found:
             for channel, each in self.channels.items()
             if each.number in places
         }
+
+
+def _beyond_gears(turns: float) -> list[str]:
+    """Return what speaks against a ratio that is beyond those of gears."""
+    if GEARED <= turns <= LARGEST:
+        return []
+    degree = math.pi / 180
+    other = turns * degree if turns > LARGEST else turns / degree
+    if GEARED <= other <= LARGEST and abs(other - round(other)) < WHOLE * other:
+        times = "57.3 times" if turns > LARGEST else "1/57.3 of"
+        return [
+            f"gear_ratio: {turns:.5g} is {times} {round(other)}; is the one angle in degrees and "
+            "the other in radians?"
+        ]
+    if turns <= LARGEST:
+        return []
+    return [f"gear_ratio: {turns:.5g} is more than a gear's {LARGEST:g}; are both units right?"]
 
 
 def _stated(column: Column) -> Told:

@@ -18,7 +18,7 @@ gear a torque pushes outward where the drive does: its part of the drive's is po
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -36,7 +36,7 @@ from flexspline.recordings.columns import (
     ratio_of,
     ratio_to_integral,
 )
-from flexspline.recordings.words import Said
+from flexspline.recordings.words import RATIOS, Said
 
 __all__ = [
     "GEARED",
@@ -48,6 +48,7 @@ __all__ = [
     "motion_columns",
     "radians",
     "units_of_side",
+    "usual_units",
     "with_resolutions",
 ]
 
@@ -72,6 +73,8 @@ RADIANS_PER_SECOND: Final = {
 }
 UNSTATED: Final = (("rad", "deg", "rev"), ("rad/s", "deg/s", "rpm", "rev/s"))
 """Units of angles and velocities that a recorder leaves unsaid."""
+OF_ANGLE: Final = {"rad": "rad/s", "deg": "deg/s", "rev": "rev/s"}
+"""The unit of a velocity beside an angle's, where a recorder leaves both unsaid."""
 TURN: Final = {2 * math.pi: "rad", 360.0: "deg", 1.0: "rev"}
 RESOLUTIONS: Final = tuple(
     sorted(
@@ -163,26 +166,94 @@ def _position_unit(column: Column) -> Told:
     return Told(None)
 
 
+def usual_units(motion: Motion, time: Array, timed: bool) -> dict[str, str]:
+    """Return the unit of an angle, by side, to take where nothing states or tells it.
+
+    A recorder that leaves units unsaid writes all angles in one. Which it is, is told by how far
+    the output goes (`FAR`), or is that of the other side, where that is known, unless the motor
+    would turn as no gear makes it, and another unit makes it a whole number of turns.
+    """
+    named = ("position", "velocity")
+    sides = {
+        side: [found[name].column if name in found else None for name in named]
+        for side, found in motion.items()
+    }
+    output, motor = sides["output"][0], sides["motor"][0]
+    told = {side: _told_alike(p, v, time, timed) for side, (p, v) in sides.items()}
+    size = "rad" if output is None else _by_range(output)
+    usual = {"output": size, "motor": "rad"}
+    if output is None:
+        return usual
+    turns = math.nan if motor is None else abs(ratio_of(output.whole, motor.whole).factor)
+    if told["output"] is None and told["motor"] is None:
+        usual["motor"] = size
+    elif told["output"] is None and told["motor"] is not None:
+        unit, radian = told["motor"]
+        usual["output"] = _geared(unit or size, lambda of: turns * radian / RADIANS[of])
+    elif told["output"] is not None and told["motor"] is None:
+        unit, radian = told["output"]
+        usual["motor"] = _geared(unit or "rad", lambda of: turns * RADIANS[of] / radian)
+    return usual
+
+
+def _told_alike(
+    position: Column | None, velocity: Column | None, time: Array, timed: bool
+) -> tuple[str, float] | None:
+    """Return the unit of a side's position [and rad in it], or None where nothing tells it.
+
+    The unit is "" of counts.
+    """
+    units = {
+        unit: units_of_side(position, velocity, time, timed, unit).position
+        for unit in ("rad", "deg")
+    }
+    told = units["rad"]
+    if position is None or told.unit is None or told.unit != units["deg"].unit:
+        return None
+    return told.unit if told.scale == 1.0 else "", RADIANS[told.unit] * told.scale
+
+
+def _geared(first: str, turns: Callable[[str], float]) -> str:
+    """Return the first unit, or another where that alone makes the turns of a motor a gear's."""
+    if GEARED <= turns(first) <= RATIOS[1]:
+        return first
+    fits = (
+        unit
+        for unit in UNSTATED[0]
+        if GEARED <= turns(unit) <= RATIOS[1] and _is_whole(turns(unit))
+    )
+    return next(fits, first)
+
+
+def _is_whole(turns: float) -> bool:
+    return abs(turns - round(turns)) < WHOLE * turns
+
+
 def units_of_side(
-    side: str, position: Column | None, velocity: Column | None, time: Array, timed: bool
+    position: Column | None, velocity: Column | None, time: Array, timed: bool, usual: str
 ) -> SideUnits:
-    """Return the units of a position and its velocity; `timed`: whether the time is in seconds."""
+    """Return the units of a position and its velocity.
+
+    `timed`: whether the time is in seconds; `usual`: the unit of an angle that nothing tells.
+    """
     p = Told(None) if position is None else _position_unit(position)
     v = Told(None) if velocity is None else _velocity_unit(velocity)
     if position is None or velocity is None:
-        return SideUnits(_alone(p, position, side), v if v.unit else _assumed("rad/s"))
+        return SideUnits(_alone(p, position, usual), v if v.unit else _assumed(OF_ANGLE[usual]))
     pair = ratio_to_integral(time, velocity.whole, position.whole)
     if not pair.told:
         doubt = "its integral is not the position" if position.moves and velocity.moves else ""
-        v = v if v.unit else _assumed("rad/s")
-        return SideUnits(_alone(p, position, side), v.but(doubt))
+        v = v if v.unit else _assumed(OF_ANGLE[usual])
+        return SideUnits(_alone(p, position, usual), v.but(doubt))
     size, sign = abs(pair.factor), 1 if pair.factor > 0 else -1
     if velocity.says.unit == "erpm":
-        p = _alone(p, position, side)
+        p = _alone(p, position, usual)
         return SideUnits(p, _electrical(p, size, sign))
     if not timed:
-        return _with_rate(_alone(p, position, side), v if v.unit else _assumed("rad/s"), size, sign)
-    return _together(p, v, side, position, pair)
+        return _with_rate(
+            _alone(p, position, usual), v if v.unit else _assumed(OF_ANGLE[usual]), size, sign
+        )
+    return _together(p, v, usual, pair)
 
 
 def _velocity_unit(velocity: Column) -> Told:
@@ -193,12 +264,12 @@ def _velocity_unit(velocity: Column) -> Told:
     return Told(None)
 
 
-def _together(p: Told, v: Told, side: str, position: Column, pair: Ratio) -> SideUnits:
+def _together(p: Told, v: Told, usual: str, pair: Ratio) -> SideUnits:
     """Return both units, where the velocity's integral is the position times a factor."""
     size, sign = abs(pair.factor), 1 if pair.factor > 0 else -1
     turned = "" if sign > 0 else "against the position in the file"
     if p.unit is None and p.unsure:  # counts whose number in a turn nothing tells
-        v = v if v.unit else _assumed("rad/s")
+        v = v if v.unit else _assumed(OF_ANGLE[usual])
         return SideUnits(p, replace(v, sign=sign, reason=joined(v.reason, turned)))
     fits = [
         (a, b)
@@ -208,13 +279,13 @@ def _together(p: Told, v: Told, side: str, position: Column, pair: Ratio) -> Sid
     ]
     if not fits:
         p = p if p.unit else _assumed("rad")
-        v = v if v.unit else _assumed("rad/s")
+        v = v if v.unit else _assumed(OF_ANGLE[usual])
         off = size * RADIANS[str(p.unit)] * p.scale / RADIANS_PER_SECOND[str(v.unit)]
         doubt = f"the position moves {off:.4g} times as far as the velocity says"
         return SideUnits(
             p.but(doubt), replace(v, sign=sign, reason=joined(v.reason, turned)).but(doubt)
         )
-    a, b = fits[0] if len(fits) == 1 else _by_size(fits, position, side)
+    a, b = next((each for each in fits if each[0] == usual), fits[0])
     doubt = "" if len(fits) == 1 else f"no unit is stated; its size suggests {a} and {b}"
     why = "its integral is the position"
     return SideUnits(
@@ -223,13 +294,8 @@ def _together(p: Told, v: Told, side: str, position: Column, pair: Ratio) -> Sid
     )
 
 
-def _by_size(fits: list[tuple[str, str]], position: Column, side: str) -> tuple[str, str]:
-    wanted = _usual(position, side)
-    return next((each for each in fits if each[0] == wanted), fits[0])
-
-
-def _usual(position: Column, side: str) -> str:
-    return "rad" if side == "motor" or float(np.ptp(position.whole)) < FAR else "deg"
+def _by_range(position: Column) -> str:
+    return "rad" if float(np.ptp(position.whole)) < FAR else "deg"
 
 
 def _electrical(p: Told, size: float, sign: int) -> Told:
@@ -252,11 +318,11 @@ def _with_rate(p: Told, v: Told, size: float, sign: int) -> SideUnits:
     return SideUnits(p, replace(v, sign=sign), nice(1.0 / step))
 
 
-def _alone(p: Told, position: Column | None, side: str) -> Told:
+def _alone(p: Told, position: Column | None, usual: str) -> Told:
     """Return the unit of a position that nothing else tells."""
     if position is None or p.unit is not None or p.unsure:
         return p
-    return _assumed(_usual(position, side))
+    return _assumed(usual)
 
 
 def _assumed(unit: str) -> Told:

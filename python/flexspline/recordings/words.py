@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from flexspline.logs.channels import CHANNELS
-from flexspline.logs.units import canonical_unit
+from flexspline.logs.units import COUNTS, canonical_unit, states_no_unit, without_remark
 
 __all__ = ["Meaning", "Resolution", "Said", "meaning", "placed", "said_in", "trusted", "unit_in"]
 
@@ -147,9 +147,6 @@ NONE_SHORT: Final = (
     "pitch", "yaw", "setup", "defl",
 )  # fmt: skip
 
-COUNTS: Final = ("count", "counts", "cnt", "cnts", "inc", "incr", "increments", "inkremente",
-                 "inkr", "tick", "ticks", "qc", "quadcounts", "pulses", "lsb", "raw")  # fmt: skip
-
 TENTHS: Final = ("dc", "ddegc", "d°c", "0.1°c", "0.1 °c", "1/10°c")  # of a degree Celsius
 LONGEST: Final = 200  # letters of a name or a line that are looked at
 FOREIGN: Final = frozenset(
@@ -201,8 +198,8 @@ QUANTITY_OF_UNIT: Final[dict[str, str]] = {
     **dict.fromkeys(("rad/s", "deg/s", "rpm", "rev/s", "mrad/s", "erpm"), "velocity"),
     **dict.fromkeys(("rad/s^2", "deg/s^2"), "acceleration"),
     **dict.fromkeys(
-        ("Nm", "mNm", "Ncm", "kilonewton * metre", "uNm", "lbf * inch", "lbf * foot", "ozf * inch",
-         "kgf * cm"),
+        ("Nm", "mNm", "cNm", "dNm", "daNm", "Ncm", "kilonewton * metre", "uNm", "lbf * inch",
+         "lbf * foot", "ozf * inch", "kgf * cm", "kgf * m"),
         "torque",
     ),
     **dict.fromkeys(("A", "mA"), "current"),
@@ -271,7 +268,7 @@ def meaning(name: str, stated: str | None = None, *, ours: bool = False) -> Mean
     plain = unicodedata.normalize("NFKC", " ".join(name.split()))[:LONGEST]
     bare, unit = stated_unit(MANGLED.sub(_brackets, plain))
     if stated is not None:
-        unit = unit_in(stated) or ("foreign" if re.search(r"[^\W_]", stated) else unit)
+        unit = unit_in(stated) or (unit if states_no_unit(stated) else "foreign")
     whole = _words(bare)
     last = _words(re.split(r"/|\.(?=\D)", bare.rstrip("/."))[-1])  # of a path, what counts most
     unit = "erpm" if "erpm" in whole[1] else unit
@@ -304,8 +301,7 @@ def unit_in(text: str) -> str | None:
     Remarks in brackets behind it are left out: "° (Angle)".
     """
     plain = text.strip(" []()\"'")
-    short = re.sub(r"\s*\(.*\)?$", "", plain)
-    for each in (plain, short):
+    for each in (plain, without_remark(plain)):
         if each.lower() in COUNTS:
             return "counts"
         if each.lower() in TENTHS:
@@ -332,7 +328,10 @@ def _of_channel(name: str, stated: str | None) -> Meaning:
     side = parts[0] if parts[0] in ("motor", "output") else None
     role = {"commanded": "commanded", "reference": "trusted", "sensor": "sensor",
             "supply": "supply"}.get(parts[0], "")  # fmt: skip
-    unit = unit_in(stated) if stated else canonical_unit(CHANNELS[name].unit)
+    silent = not stated or states_no_unit(stated)
+    unit = canonical_unit(CHANNELS[name].unit) if silent else unit_in(stated or "") or "foreign"
+    if unit == "foreign" or QUANTITY_OF_UNIT.get(str(unit), parts[-1]) != parts[-1]:
+        return Meaning(name, parts[-1], side, "other", "foreign")
     return Meaning(name, parts[-1], side, role, unit)
 
 

@@ -31,7 +31,8 @@ Presliding delays friction, near reversals alone: a drive that is late where it 
 
 g says whether torque and load have one sign and unit: it is 1 of a sensor, 1 / Ñ of a motor. It is
 judged where the load is nearly all that the motion leaves of the torque, and where it is such a
-factor as a slip of sign, unit or side makes; otherwise it is the joint's.
+factor as a slip of sign, unit or side of the gear makes; otherwise it is the joint's. Units are
+those in which load cells are sold; efficiency and torque constant make a drive's less sure.
 
 The delay of any channel y behind the columns X that make it up:
 
@@ -61,11 +62,13 @@ from numpy.typing import NDArray
 
 from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
-from flexspline.logs.checks.findings import Finding, Findings, sorted_findings
+from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
 from flexspline.logs.checks.samples import Motion, motion_of, unwrapped
+from flexspline.logs.columns import to_si
 from flexspline.logs.log import Log, emptied
 from flexspline.logs.quantisation import quantum
 from flexspline.logs.segments import median_step
+from flexspline.logs.units import canonical_unit
 
 PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
 
@@ -103,6 +106,19 @@ OF_THE_LOAD = 0.9
 
 NEAR = 0.25
 """Relative deviation from the factor of a slip; efficiency and torque constant make as much."""
+
+TORQUE_UNITS = ("kgf·m", "kgf·cm", "lbf·ft", "lbf·in", "ozf·in", "cNm", "daNm")
+"""Units in which load cells and torque sensors are sold, beside those of a slip by 1000. Two of
+them are 2 % apart, kgf·m and daNm: both are named."""
+
+CONSTANT = 0.1
+"""Share within which data sheets state a motor's torque constant. Half of it misses drives whose
+constant is off; twice of it names lbf·in beside kgf·cm, which are 15 % apart."""
+
+INEFFICIENT = 0.6
+"""Least efficiency of a strain wave gear at its rated torque in catalogues. A drive that lifts its
+load and never lowers it needs as much more: a factor of lbf·ft is no sure fault of it. At half of
+this the other units, which differ by nine times and more, are as sure as before."""
 
 TORQUE_WITHIN = 0.15
 """Delays up to this [s] are looked for."""
@@ -648,9 +664,16 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
     )
 
 
+class Factor(NamedTuple):
+    """What a torque is times its load, of either sign, and the relative standard error."""
+
+    size: float
+    error: float
+
+
 def _load_factor(
     log: Log, channel: str, motion: Motion, columns: Array, reading: Array
-) -> float | None:
+) -> Factor | None:
     """Return g, of a sensor 1 and of a motor 1 of its own side; None where the load is not told."""
     valid = motion.inside(0.0)
     design = np.column_stack((columns[valid], np.ones(np.count_nonzero(valid))))
@@ -661,22 +684,26 @@ def _load_factor(
     left = float(np.sum((y - design @ solved) ** 2))
     if abs(solved[at]) < SURE * error[at] or left > (1 - OF_THE_LOAD) * float(without @ without):
         return None
-    factor = float(solved[at])
+    factor, relative = float(solved[at]), float(error[at] / abs(solved[at]))
     if channel == "sensor_torque":
-        return factor
+        return Factor(factor, relative)
     constant = 1.0 if channel == "motor_torque" else log.facts.get("torque_constant")
     if log.effective_ratio is None or constant is None:
-        return float(np.sign(factor))  # what its size should be is not known
-    return factor * log.effective_ratio * float(constant)
+        return Factor(float(np.sign(factor)), 0.0)  # what its size should be is not known
+    return Factor(factor * log.effective_ratio * float(constant), relative)
 
 
 def _beside_load(
-    log: Log, channel: str, factor: float | None, reaction: Reaction
+    log: Log, channel: str, found: Factor | None, reaction: Reaction
 ) -> Iterator[Finding]:
     """Sign and scale of a torque beside the load, where its factor is one that a slip makes."""
-    slips = {1.0: ""} | _slips(log, channel)
-    near = [k for k in slips if factor is not None and abs(abs(factor) / k - 1) <= NEAR]
-    if factor is None or not near:
+    if found is None:
+        return
+    factor, slips = found.size, _slips(log, channel)
+    near = [k for k in (1.0, *slips) if abs(abs(factor) / k - 1) <= NEAR]
+    right = near[:1] == [1.0] and abs(factor) >= 1.0  # no loss makes a drive's torque smaller
+    units = [] if right else _units_of_torque(channel, found)
+    if not (near or units):
         return
     if (wrong := _turned(channel, factor, reaction)) is not None:
         yield _slipped_load(
@@ -688,22 +715,71 @@ def _beside_load(
             f"{' or '.join(wrong)} is flipped.",
             ", or ".join(f"flip_sign={name}" for name in wrong),
         )
-    if slips[near[0]]:
+    made = [k for k in near if k != 1.0] + [unit.factor for unit in units]
+    if made:
+        why = [slips[k] for k in near if k != 1.0] + _in_units(units)
+        lossy = channel in DRIVE and max(made[0], 1 / made[0]) < 1 / INEFFICIENT
+        why += ["the gear loses as much"] if lossy else []
         yield _slipped_load(
             log,
             "load_scale",
             channel,
             abs(factor),
-            f"{channel} is {abs(factor):.4g} times what {LOAD} makes it: {slips[near[0]]}.",
-            f"scale={channel}:{1 / near[0]:.6g}, or scale={LOAD}:{near[0]:.6g} if that is wrong",
+            f"{channel} is {abs(factor):.4g} times what {LOAD} makes it: {', or '.join(why)}.",
+            f"scale={channel}:{1 / made[0]:.6g}, or scale={LOAD}:{made[0]:.6g} if that is wrong",
+            sure=not lossy,
         )
 
 
 def _slipped_load(
-    log: Log, name: str, channel: str, size: float, sentence: str, repair: str
+    log: Log,
+    name: str,
+    channel: str,
+    size: float,
+    sentence: str,
+    repair: str,
+    *,
+    sure: bool = True,
 ) -> Finding:
     remedy = f"Correct the column map, or ask for the repair {repair}."
-    return Finding(name, "fault", channel, (0, len(log)), size, "", sentence, remedy)
+    severity: Severity = "fault" if sure else "note"
+    return Finding(name, severity, channel, (0, len(log)), size, "", sentence, remedy)
+
+
+class InUnit(NamedTuple):
+    """A factor that a unit makes which is taken for Nm: of the load or of the other torque."""
+
+    factor: float
+    unit: str
+    of_load: bool
+
+
+def _units_of_torque(channel: str, found: Factor) -> list[InUnit]:
+    """Return the units of torque that make a factor, the nearest first.
+
+    Nothing is said where the factor is too uncertain to be told from one, and from another unit's.
+    """
+    if found.error * SURE > NEAR:
+        return []
+    slack = max(CONSTANT if channel in DRIVE else FACTOR_LIMIT, 2 * found.error)
+    made = [
+        InUnit(newton_metres if of_load else 1 / newton_metres, unit, of_load)
+        for unit in TORQUE_UNITS
+        for newton_metres in (to_si(LOAD, str(canonical_unit(unit)))[0],)
+        for of_load in (True, False)
+    ]
+    off = {one: abs(float(np.log(abs(found.size) / one.factor))) for one in made}
+    return sorted((one for one in made if off[one] <= slack), key=lambda one: off[one])
+
+
+def _in_units(units: Sequence[InUnit]) -> list[str]:
+    """Return what makes such a factor, in words."""
+    load, own = (
+        " or ".join(one.unit for one in units if one.of_load == of_load)
+        for of_load in (True, False)
+    )
+    said = [f"{LOAD} is in {load}, or it is in Nm and was taken for such"] if load else []
+    return said + ([f"it is in {own}, or {LOAD} is in Nm and was taken for such"] if own else [])
 
 
 def _slips(log: Log, channel: str) -> dict[float, str]:

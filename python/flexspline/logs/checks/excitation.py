@@ -266,7 +266,7 @@ def changing(channel: str, least: float, unit: str) -> Need:
 
     def need(log: Log, _: Motion | None) -> Lack | None:
         names = [name for name in channel.split(" or ") if name in log]
-        span = max((float(np.nanmax(log[n]) - np.nanmin(log[n])) for n in names), default=0.0)
+        span = max((_span(log[name]) for name in names), default=0.0)
         if span > least:
             return None
         return (
@@ -277,6 +277,12 @@ def changing(channel: str, least: float, unit: str) -> Need:
         )
 
     return need
+
+
+def _span(values: Array) -> float:
+    """How far a channel changes, of the rows in which it is a number."""
+    there = values[np.isfinite(values)]
+    return float(np.ptp(there)) if len(there) else 0.0
 
 
 LOADED = changing(KNOWN, 0.0, "Nm")

@@ -24,6 +24,7 @@ from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
+from flexspline.logs.spikes import SPIKED, spikes
 from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
@@ -31,7 +32,9 @@ DROP_STEPS = 1.75
 
 DROPPED = "dropped_samples"
 
-LEFT_OUT = re.compile(r"(drop_(?:invalid|duplicates|repeated|clipped)): .*?dropped: (\d+)(?:;|$)")
+LEFT_OUT = re.compile(
+    r"(drop_(?:invalid|duplicates|repeated|clipped|spikes)): .*?dropped: (\d+)(?:;|$)"
+)
 """What a log's history says of a repair that leaves out single rows (`logs/repairs.py`)."""
 
 JITTER_SHARE = 0.05
@@ -64,6 +67,14 @@ UNSIGNED_BITS = (16, 32)
 
 UNITS = (1.0, 1e-3, 1e-6)
 """What one of these whole numbers is worth, beside the quantum of the channel."""
+
+LEAP = 10.0
+"""Times as far as 95 % of its other steps a channel may go where it changes its sign. Coulomb
+friction of a drive that turns round within a row makes one row leap; the least leap of a broken
+thermometer, of 20 K at steps of 0.1 K and two of these from row to row, is 100 times its steps."""
+
+OFTEN = 0.05
+"""Share of the rows with either sign, from which a channel may leap between the two."""
 
 TURNING = 5.0
 """Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
@@ -281,12 +292,15 @@ def unsigned(log: Log) -> Iterator[Finding]:
     """Channels with a sign whose whole numbers were read without it: −1 is 65535 of 16 bits.
 
     All lie within a quarter of 2ᵇ of either end of its range, some at both, and jump between them.
+    With their sign they go through zero as they go elsewhere, or are often at both ends: a sensor
+    that fails now and then leaps to what the converter then writes, and back.
     """
     for channel in log.channels:
         known = np.flatnonzero(np.isfinite(log[channel]))
-        values = np.abs(log[channel][known])
+        values = log[channel][known]
         if channel in ("time", *POSITIONS) or not _at_both_ends(values):
             continue
+        values = np.abs(values)
         steps = (quantum(values), *UNITS)
         worth = ((b, s) for b in UNSIGNED_BITS for s in steps if _is_unsigned(values, s, b))
         bits, step = next(worth, (0, 0.0))
@@ -308,9 +322,14 @@ def unsigned(log: Log) -> Iterator[Finding]:
 
 
 def _at_both_ends(values: Array) -> bool:
-    """Whether some lie near zero, some near the largest, and none in the third between."""
-    if len(values) < 2:
+    """Whether all have one sign, some lie near zero, some near the largest, none in the third
+    between.
+
+    A map may have turned the sign of all.
+    """
+    if len(values) < 2 or values.min() < 0.0 < values.max():
         return False
+    values = np.abs(values)
     most = float(values.max())
     return float(values.min()) < most / 3 and not np.any(
         (values > most / 3) & (values < most / 1.4)
@@ -318,7 +337,9 @@ def _at_both_ends(values: Array) -> bool:
 
 
 def _is_unsigned(values: Array, step: float, bits: int) -> bool:
-    """Whether these are multiples of `step` near both ends of 2ᵇ, and nowhere between."""
+    """Whether these are multiples of `step` near both ends of 2ᵇ, nowhere between, and go through
+    zero.
+    """
     if step <= 0.0:
         return False
     turn = 2.0**bits
@@ -326,7 +347,22 @@ def _is_unsigned(values: Array, step: float, bits: int) -> bool:
     if whole.max() >= turn or np.max(np.abs(values - whole * step)) > 1e-3 * step:
         return False
     low, high = whole < 0.25 * turn, whole >= 0.75 * turn
-    return bool(low.any() and high.any() and np.all(low | high))
+    if not (low.any() and high.any() and np.all(low | high)):
+        return False
+    return _goes_through_zero(np.where(high, whole - turn, whole), high)
+
+
+def _goes_through_zero(counts: Array, negative: NDArray[np.bool_]) -> bool:
+    """Whether signed counts change their sign by such steps as they have elsewhere.
+
+    What leaps at all of its changes of sign is taken for signed where both signs are frequent.
+    """
+    steps, changes = np.abs(np.diff(counts)), np.diff(negative)
+    usual = float(np.percentile(steps[~changes], 95)) if not changes.all() else 0.0
+    crossing = float(np.median(steps[changes])) <= LEAP * max(usual, 1.0)
+    share = float(np.mean(negative))
+    kinds = min(len(np.unique(counts[side])) for side in (negative, ~negative))
+    return crossing or (min(share, 1.0 - share) > OFTEN and kinds > 2)
 
 
 def clipped(log: Log) -> Iterator[Finding]:
@@ -366,6 +402,30 @@ def clipped(log: Log) -> Iterator[Finding]:
                 f"Ask for the repair drop_clipped={channel}:{limit!r}, or record with a wider "
                 "range.",
             )
+
+
+def spiked(log: Log) -> Iterator[Finding]:
+    """Single rows that leap out of a channel that goes on as it came."""
+    for channel in SPIKED:
+        rows = spikes(log["time"], log[channel]) if channel in log else np.zeros(0, np.intp)
+        if not rows.size:
+            continue
+        values, unit = log[channel], CHANNELS[channel].unit
+        first, last = rows[0], rows[0]
+        while last + 1 in rows[:2]:
+            last += 1
+        yield Finding(
+            "spikes",
+            "fault",
+            channel,
+            _span(rows),
+            float(rows.size),
+            "rows",
+            f"{channel} leaps in {_counted(rows.size, 'single row')}, first to "
+            f"{values[first]:.4g} {unit} in row {first} between {values[first - 1]:.4g} and "
+            f"{values[last + 1]:.4g}: no joint is as fast, what reads or sends it fails.",
+            f"Ask for the repair drop_spikes={channel}, or fit with --robust (robust=True).",
+        )
 
 
 def wrapped(log: Log) -> Iterator[Finding]:
@@ -552,7 +612,9 @@ def _usable_rows(log: Log) -> NDArray[np.intp]:
     else:
         rows = np.arange(count)
     for channel in log.channels:
-        rows = rows[np.isfinite(log[channel][rows])]
+        there = np.isfinite(log[channel][rows])
+        if there.any() or channel not in CONDITIONS:  # a broken thermometer hides no motion
+            rows = rows[there]
     if rows.size == 0:
         return rows
     time = log["time"][rows]
