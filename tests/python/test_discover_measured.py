@@ -247,8 +247,10 @@ def test_presliding_of_iiwa_joint_5_and_friction_over_the_angle() -> None:
     five = at_speeds(5, "p1 p2 p3 p4 p5 p6 p7 p8 p9")
     assert set(five.names) == {"presliding_friction", "position_dependent_friction"}
     assert five.final_rmse < 0.0185
-    # each spring and each order is nearly as large as its error: t is that of the final fit
-    assert all(one.t < 20.0 and one.confidence < 0.95 for one in five.found)
+    # each spring and each order is nearly as large as its error: t is that of the final fit, where
+    # the search has 100 and more. It was 9 and 15 under noise that the residual contradicts
+    assert [one.t for one in five.found] == pytest.approx([19.0, 23.3], rel=0.05)
+    assert all(one.confidence < 0.5 for one in five.found)
     # 1.06 rad show no order of one turn: six orders had told it by 221 - 92 + 17 Nm
     waves = {p.name.split(".")[1]: p for p in five.parameters("position_dependent_friction")}
     assert [n for n, p in waves.items() if p.state == "fixed"] == ["cosine 1", "sine 1"]

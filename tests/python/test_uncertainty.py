@@ -18,11 +18,13 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from flexspline.errors import InputError
+from flexspline.least_squares import noise_model as noise_models
 from flexspline.least_squares.noise_model import (
     Chunk,
     Chunks,
     NoiseModel,
     _collect,
+    _contradicted,
     _expected_products,
     _iterate,
     _solve,
@@ -426,3 +428,71 @@ def test_noise_as_slow_as_may_be_costs_a_stretch_no_more() -> None:
     sums.add(np.ones((1, 1)), np.ones(1), np.ones(1))
     sums.close()
     assert sums.powers[0] == pytest.approx(0.5e7, rel=1e-6)  # 1 / (1 - φ²)
+
+
+def reversing(samples: int = 6000) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (n, 4) of a joint that turns over every 2 s at 200 Hz, friction a step of the speed.
+
+    And what 8 Nm of friction that takes their level over 4 mrad leaves of the rows, with white
+    noise of 0.15 Nm.
+    """
+    time = np.arange(samples) / 200.0
+    pace = 0.2 + 0.6 * time / time[-1]
+    speed = pace * np.clip(4.0 * np.sin(0.5 * np.pi * time), -1.0, 1.0)
+    bristle = np.zeros(samples)
+    for i in range(1, samples):
+        way = speed[i] / 200.0
+        bristle[i] = bristle[i - 1] + way / 0.004 * (1.0 - bristle[i - 1] * np.sign(way))
+    rows = np.column_stack([np.ones(samples), np.tanh(speed / 0.03), speed, np.gradient(speed)])
+    torque = 8.0 * bristle + 0.15 * np.random.default_rng(4).normal(size=samples)
+    return rows, torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]
+
+
+def slow_noise(generator: np.random.Generator, samples: int, size: float) -> np.ndarray:
+    """AR(1) with a root of 0.9988, at 200 Hz a memory of 8 s."""
+    made = lfilter([1.0], [1.0, -0.9988], generator.normal(size=samples + 10_000))[10_000:]
+    return size * np.sqrt(1.0 - 0.9988**2) * made
+
+
+def test_friction_that_takes_its_level_over_some_way_is_not_called_noise() -> None:
+    rows, residual = reversing()
+    result = solve(rows, residual)
+    assert np.sqrt(result.noise.variance) < 1.5 * residual.std()
+    assert result.standard_errors[1] < 0.4 and (result.degrees_of_freedom > 10.0).all()
+
+
+def test_noise_as_slow_as_that_which_is_there_widens_the_errors_as_before(monkeypatch) -> None:
+    rows, _ = reversing()
+    inverse = np.linalg.pinv(rows)
+    for seed in range(10):
+        generator = np.random.default_rng(seed)
+        noise = slow_noise(generator, len(rows), 1.0) + 0.1 * generator.normal(size=len(rows))
+        chunks = cut(rows, noise - rows @ (inverse @ noise))
+        found = noise_model(chunks, orthonormal(rows))
+        with monkeypatch.context() as before:
+            before.setattr(noise_models, "_contradicted", lambda *_: False)
+            same = noise_model(chunks, orthonormal(rows))
+        np.testing.assert_array_equal(found.coefficients, same.coefficients)
+        assert found.largest_root > 0.99
+
+
+def test_slow_noise_under_misfit_is_still_counted() -> None:
+    rows, misfit = reversing()
+    inverse, covered = np.linalg.pinv(rows), []
+    for seed in range(20):
+        noise = slow_noise(np.random.default_rng(seed), len(rows), 0.6)
+        off = inverse @ noise
+        result = solve(rows, misfit + noise - rows @ off)
+        low, high = result.intervals(off).T
+        covered.append((low < 0.0) & (high > 0.0))
+    assert np.mean(covered) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("times", "samples", "contradicted"),
+    [(1.0, 10_000, False), (0.5, 10_000, False), (1.5, 100, False), (1.5, 1000, True)],
+)
+def test_white_noise_is_contradicted_where_chernoff_says_so(times, samples, contradicted) -> None:
+    """n/2 (1 − 1/R − log R) + P/2 log R at s = (1 − 1/R)/2: −3 for 100 rows, −35 for 1000."""
+    residual = np.eye(3) * samples
+    assert _contradicted(times * residual, residual, samples, 3) is contradicted

@@ -23,7 +23,7 @@ from flexspline.discovery.search import FEW_PLACES, SearchContext, Searcher, for
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect, Harmonic
-from flexspline.effects.causes import COGGING, WAVE_GENERATOR_RIPPLE
+from flexspline.effects.causes import COGGING, GRAVITY, OUTPUT_RIPPLE, WAVE_GENERATOR_RIPPLE
 from flexspline.errors import listed
 from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
@@ -233,7 +233,7 @@ def simplest(
 ) -> CandidateModel:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
 
-    By none that was rejected.
+    Of as many, gravity: the first order of the output alone is its. By none that was rejected.
     """
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
@@ -241,7 +241,8 @@ def simplest(
                   if not r.more and r.name not in rejected
                   and (r.by_t or r.inside or r.gain >= r.own)]  # fmt: skip
         for plain in sorted(equals, key=freedom):
-            if freedom(plain) >= freedom(effect):
+            owner = (effect.name, plain.name) == (OUTPUT_RIPPLE, GRAVITY)
+            if freedom(plain) >= freedom(effect) + owner:
                 break
             effects = [plain if e.name == effect.name else e for e in work.effects]
             trial, _ = searcher.fitted(work.having(effects))

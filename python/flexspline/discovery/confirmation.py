@@ -275,10 +275,12 @@ def _without_idle_order(made: Analysis, fit: Fit) -> Analysis | None:
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     """The last name that shows no more in the final fit than forms of others may miss; "" of none.
 
-    What is certain may be small beside a large one: one that lowers the held-out error by no less.
+    What is certain may be small beside a large one, but not what closes most of the gap.
     """
     for one in reversed(shown):
-        others = [other for other in shown if other is not one and other.fall >= one.fall]
+        if one.fall >= SETTINGS.most * one.without**2:
+            continue
+        others = [other for other in shown if other is not one]
         shares = (share_missed(o.effect, one.effect, made.tied) * o.square for o in others)
         if one.square < min(SETTINGS.certain**2, max(shares, default=0.0)):
             return one.effect.name

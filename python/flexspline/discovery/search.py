@@ -539,22 +539,17 @@ class Searcher:
         alike = [e for e in rivals if _at_reversals(e)]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
-        if gain < most:
-            names = {e.name: names[e.name] for e in self._no_smaller(work, effect, others)}
-            most = max(names.values(), default=0.0)
-        if gain >= most:
-            return most
-        bent = tuple(e for e in others if names.get(e.name, 0.0) > 0.5 * gain)
+        if gain >= most or self._closes_most(work, effect):
+            return min(most, gain)
+        bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
         freed = bent_forms(problem, bent)
         if freed is None:
             return most
         kept = self._kept(problem, work, effect, freed, bent, rivals)
         return 0.0 if kept >= SETTINGS.freed * least else most
 
-    def _no_smaller(
-        self, work: CandidateModel, effect: Effect, names: Sequence[Effect]
-    ) -> list[Effect]:
-        """Those of some names that explain no less of the target than an effect does, in its unit.
+    def _closes_most(self, work: CandidateModel, effect: Effect) -> bool:
+        """Whether next to nothing of the target is left beside an effect, in its own unit.
 
         What the form of a name misses is a small part of it. Behind the noise's filter it may seem
         to be more: what is sharp is most of the evidence there, and little of the torque.
@@ -562,16 +557,9 @@ class Searcher:
         problem, rest = self.context.thinned().problem, work.without(effect.name)
         plain = Whitening(np.ones(1), 1.0, problem.decimation)
         table = tabulated(problem, rest.assembly(bends=False, beside=[effect]), plain)
-        owners = np.array([*rest.effect_of[rest.free], *[effect.name] * len(effect.terms)])
-        every = np.arange(len(owners))
-
-        def explained(name: str) -> float:
-            own = owners == name
-            without = ~own if name == effect.name else ~(own | (owners == effect.name))
-            return table.gain(every[own], every[without])
-
-        least = explained(effect.name)
-        return [one for one in names if explained(one.name) >= least]
+        model = np.arange(len(rest.free))
+        own = model.size + np.arange(len(effect.terms))
+        return table.gain(own, model) >= SETTINGS.most * float(table.without(model)[-1, -1])
 
     def _kept(
         self,
