@@ -212,10 +212,15 @@ class Made:
     """An analysis of names, as far as `confirmed` asks it."""
 
     generalised, unexplained, tied = False, 0.0, ()
+    before, after = SimpleNamespace(rmse=9.0), SimpleNamespace(rmse=3.0)
 
     def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
         self.names, self.given = names, given
         self.searcher = SimpleNamespace(refused=refused, fitted=lambda effect: (effect, 0.0))
+
+    @property
+    def answers(self) -> bool:
+        return self.unexplained <= 0.5
 
     @property
     def base(self) -> SimpleNamespace:
@@ -352,20 +357,24 @@ def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch)
     assert refused == {"gravity": UNLIKELY}
 
 
-@pytest.mark.parametrize(("off", "taken"), [(0.3, "viscous_friction"), (0.02, None)])
+@pytest.mark.parametrize(("off", "taken"), [(0.3, "viscous_friction"), (0.09, None), (0.02, None)])
 def test_of_equals_that_one_is_named_which_predicts_unseen_rows_better(
     monkeypatch: pytest.MonkeyPatch, off: float, taken: str | None
 ) -> None:
     """iiwa, joint 2: a ripple of order 2 at 4.84 Nm where gravity leaves 2.93 Nm, "or gravity".
 
-    What has more coefficients is no better for that: it may follow what else is missing.
+    What has more coefficients is no better for that: it may follow what else is missing. Nor is
+    what lowers the mean square by less than 1 %, 9 standard errors here: gravity and the first
+    order of a ripple had been exchanged without end.
     """
-    noise = np.random.default_rng(5).normal(size=4000)
+    noise = np.random.default_rng(5).normal(size=40_000)
     problem = SimpleNamespace(block_rows=100)
     leaves = {"inertia": off, "coulomb_friction": 2.0 * off, "gravity": 0.0}
 
     def left(name: str) -> SimpleNamespace:
-        return SimpleNamespace(residuals=[noise + leaves.get(name, 0.0)], problem=problem, folds=())
+        residual = noise + leaves.get(name, 0.0)
+        rmse = float(np.sqrt(np.mean(residual**2)))
+        return SimpleNamespace(residuals=[residual], rmse=rmse, problem=problem, folds=())
 
     made = SimpleNamespace(
         final=SimpleNamespace(named=[Effect("inertia")]),
@@ -408,6 +417,15 @@ def test_a_name_behind_a_larger_one_is_certain_or_shows_more_than_its_form_may_m
     held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each][:kept]
     assert refused == ({} if kept == 2 else {"viscous_friction": FORMED})
+
+
+def test_what_closes_most_of_the_gap_is_no_form_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind the noise's filter presliding had thirty times the evidence of 12 Nm of gravity."""
+    each = {"presliding_friction": {"square": 1e4}, "gravity": {"square": 60.0, "fall": 70.0}}
+    held, refused = confirmed(monkeypatch, each)
+    assert [*held.shown] == [*each] and not refused
+    less = {**each, "gravity": {"square": 60.0, "fall": 60.0}}
+    assert [*confirmed(monkeypatch, less)[0].shown] == ["presliding_friction"]
 
 
 @pytest.mark.parametrize(("unexplained", "kept"), [(0.49, 2), (0.51, 0)])

@@ -379,14 +379,12 @@ class Analysis:
     @property
     def answers(self) -> bool:
         """Whether names explain more than is left unexplained, or nearly all of the target."""
-        problem = self.context.problem
-        return self.unexplained <= 0.5 or closes_most(problem, self.base, self.final)
+        left = (self.after.rmse / self.before.rmse) ** 2 if self.before.rmse > 0.0 else 1.0
+        return self.unexplained <= 0.5 or left <= 1.0 - SETTINGS.most
 
     def closes_most(self, name: str) -> bool:
-        """Whether next to nothing is left of what would be without a name (`closes_most`)."""
-        problem, rest = self.context.problem, self.final.without(name)
-        rest, _ = solved_at(problem, rest, plain_rows(problem, self.final))
-        return closes_most(problem, rest, self.final)
+        """As `closes_most`, of a name of the final model."""
+        return closes_most(self.context.problem, self.base, self.final, name)
 
     def unexplained_beyond(self, given: str) -> float:
         """As `unexplained`, where what an effect of the base closes counts as explained too."""
@@ -467,11 +465,9 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         whole.orders = context.orders
         kept, leftover, rejected = _without_spurious(searcher, bound, base, final)
         strong = final.named and bound.share * leftover.net > SETTINGS.certain**2
-        hopeless = (
-            strong
-            and unexplained_by(context, base, kept, whitening, leftover) > 0.5
-            and not closes_most(context.problem, base, kept)
-        )
+        if hopeless := strong and unexplained_by(context, base, kept, whitening, leftover) > 0.5:
+            before, after = _squares(context.problem, base, kept)
+            hopeless = before - after < SETTINGS.most * before
         searcher = replace(searcher, context=whole)
         base, _ = searcher.fitted(base)
         if hopeless:
@@ -519,15 +515,21 @@ def unexplained_by(
     return float(min(leftover.share if share is None else share, 1.0))
 
 
-def closes_most(problem: Problem, rest: CandidateModel, work: CandidateModel) -> bool:
-    """Whether a model leaves next to nothing of what a lesser one does, held out in Nm.
+def closes_most(problem: Problem, base: CandidateModel, work: CandidateModel, name: str) -> bool:
+    """Whether a name alone closes nearly all that the base leaves, held out in the target's unit.
 
-    What it has more than that is no part of what is left then. In the noise's own metric that may
-    seem to be more: what is sharp counts for most there, though it may be little of the torque.
+    It is no part of what is left then. In the noise's own metric that may seem to be more: what is
+    sharp counts for most there, though it may be little of the torque.
     """
-    plain = plain_rows(problem, work)
-    before, after = (held_out(problem, one, plain).squares for one in (rest, work))
-    return before - after >= SETTINGS.most * before
+    rest, _ = solved_at(problem, work.without(name), plain_rows(problem, work))
+    before, without, after = _squares(problem, base, rest, work)
+    return without - after >= SETTINGS.most * before
+
+
+def _squares(problem: Problem, *works: CandidateModel) -> list[float]:
+    """Squares that models leave of rows held out, in the target's unit."""
+    plain = plain_rows(problem, works[-1])
+    return [held_out(problem, work, plain).squares for work in works]
 
 
 def _without_spurious(
@@ -538,7 +540,7 @@ def _without_spurious(
     at_first, closed = leftover.net, _small(bound.problem, base, final, leftover) is not None
     while True:
         small = _small(bound.problem, base, final, leftover) if closed else None
-        retained = _spurious(searcher, bound, final, leftover, at_first, small)
+        retained = _spurious(searcher, bound, base, final, leftover, at_first, small)
         if retained is None:
             return final, leftover, rejected
         rejected.append(retained)
@@ -557,11 +559,10 @@ def _small(
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
     Nor may such a name close half of what is left without it. The gap is what names and flexible
-    functions explain. Where names do not explain nearly all of it in the noise's own metric,
-    held-out folds decide in the target's unit, which shows less of what a form misses: by all that
-    the target has where names do not even explain half.
+    functions explain. Where names explain more than half of it in the noise's own metric, but not
+    nearly all, held-out folds decide in the target's unit, which shows less of what a form misses.
     """
-    if not final.named:
+    if not final.named or leftover.share >= 0.5:
         return None
     plain, functions = plain_rows(problem, final), Functions(leftover.groups)
 
@@ -570,7 +571,7 @@ def _small(
 
     before, after = left(base), left(final)
     if leftover.share > 1.0 - SETTINGS.most:
-        floor = min(left(final, functions), after) if leftover.share < 0.5 else 0.0
+        floor = min(left(final, functions), after)
         if before - after < SETTINGS.most * (before - floor):
             return None
     found = []
@@ -665,6 +666,7 @@ def _left_by(
 def _spurious(
     searcher: Searcher,
     bound: ExplainableBound,
+    base: CandidateModel,
     work: CandidateModel,
     leftover: Leftover,
     at_first: float,
@@ -692,4 +694,5 @@ def _spurious(
     held = [name for name in shares if leftover.retained[name] < SETTINGS.retained]
     spurious = [name for name, share in shares.items()
                 if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
-    return max(spurious, key=lambda name: shares[name], default=None)
+    parts = [name for name in spurious if not closes_most(bound.problem, base, work, name)]
+    return max(parts, key=lambda name: shares[name], default=None)

@@ -278,7 +278,7 @@ def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     What is certain may be small beside a large one, but not what closes most of the gap.
     """
     for one in reversed(shown):
-        if one.fall >= SETTINGS.most * one.without**2:
+        if one.fall >= SETTINGS.most * made.before.rmse**2:
             continue
         others = [other for other in shown if other is not one]
         shares = (share_missed(o.effect, one.effect, made.tied) * o.square for o in others)

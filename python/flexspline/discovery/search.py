@@ -539,8 +539,10 @@ class Searcher:
         alike = [e for e in rivals if _at_reversals(e)]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
-        if gain >= most or self._closes_most(work, effect):
-            return min(most, gain)
+        if gain >= most:
+            return most
+        if self._closes_most(work, effect):
+            return 0.0
         bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
         freed = bent_forms(problem, bent)
         if freed is None:
@@ -549,7 +551,7 @@ class Searcher:
         return 0.0 if kept >= SETTINGS.freed * least else most
 
     def _closes_most(self, work: CandidateModel, effect: Effect) -> bool:
-        """Whether next to nothing of the target is left beside an effect, in its own unit.
+        """Whether an effect alone explains nearly all that the base leaves, in the target's unit.
 
         What the form of a name misses is a small part of it. Behind the noise's filter it may seem
         to be more: what is sharp is most of the evidence there, and little of the torque.
@@ -559,7 +561,9 @@ class Searcher:
         table = tabulated(problem, rest.assembly(bends=False, beside=[effect]), plain)
         model = np.arange(len(rest.free))
         own = model.size + np.arange(len(effect.terms))
-        return table.gain(own, model) >= SETTINGS.most * float(table.without(model)[-1, -1])
+        given = [e.name for e in rest.effects[: rest.base]]
+        base = model[np.isin(rest.effect_of[rest.free], given)]
+        return table.gain(own, model) >= SETTINGS.most * float(table.without(base)[-1, -1])
 
     def _kept(
         self,

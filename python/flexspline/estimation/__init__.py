@@ -48,7 +48,7 @@ from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.lazy import render
 from flexspline.logs.local_fit import require_bandwidth
-from flexspline.logs.log import COLDEST, HOTTEST, Log, require_clock
+from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, output_speed, runs
 from flexspline.model import Model
@@ -458,6 +458,7 @@ LOAD = "reference_torque"  # the channel through which the effects of a part get
 
 VOLTAGES = ("sensor_voltage", "thermistor_voltage")
 MOST_VOLTS = 1e6  # above every bridge and supply
+COLDEST, HOTTEST = -273.15, 1e4  # °C: those of the device, `flexspline/estimators/chain.hpp`
 
 RANGE_OF = {
     "sensor_voltage": "voltage_range",
