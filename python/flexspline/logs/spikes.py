@@ -29,20 +29,21 @@ from numpy.typing import NDArray
 from flexspline.logs.quantisation import quantum
 from flexspline.logs.segments import GAP_STEPS, median_step
 
-__all__ = ["SPIKED", "spikes"]
+__all__ = ["CONVERTED", "SPIKED", "spikes"]
 
 Array = NDArray[np.float64]
 
-SPIKED: Final = (
+CONVERTED: Final[tuple[str, ...]] = (
     "motor_torque",
     "motor_current",
     "sensor_torque",
     "sensor_voltage",
     "thermistor_voltage",
     "reference_torque",
-    "temperature",
-    "motor_temperature",
 )
+"""Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
+
+SPIKED: Final[tuple[str, ...]] = (*CONVERTED, "temperature", "motor_temperature")
 """Channels of which a row may be wrong alone. A position that leaps is a wrap or a slip."""
 
 TOLD: Final = 10.0

@@ -26,10 +26,11 @@ from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.consistency import WITHIN
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.samples import LIVELY, MEASURED, unwrapped
+from flexspline.logs.checks.samples import LIVELY, unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, stuck_from, true_ranges
+from flexspline.logs.spikes import CONVERTED
 
 __all__ = [
     "DRIVES",
@@ -120,7 +121,7 @@ def stuck_tail(log: Log) -> Iterator[Finding]:
     """The last sample, repeated to the end of the log by some channels or all, in motion."""
     still = [c for c in log.channels if _still(log[c])]
     off = [c for c in TORQUES if c in still and log[c][-1] == 0.0]
-    found = [c for c in MEASURED if c in still and c not in off and _dead(log, c)]
+    found = [c for c in CONVERTED if c in still and c not in off and _dead(log, c)]
     found += [c for c in POSITIONS if c in still and _left_behind(log, c)]
     found += [c for p, c in VELOCITY.items() if c in still and _not_that_of(log, c, p)]
     longest = min(found, key=lambda c: _tail(log[c]).first, default="")

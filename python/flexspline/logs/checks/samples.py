@@ -24,7 +24,7 @@ from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
-from flexspline.logs.spikes import SPIKED, spikes
+from flexspline.logs.spikes import CONVERTED, SPIKED, spikes
 from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
@@ -48,16 +48,6 @@ LIVELY = 0.01
 """A channel with a smaller share of repeated values changes with every sample that it gets."""
 
 POSITIONS = ("output_position", "motor_position", "commanded_position")
-
-MEASURED = (
-    "motor_torque",
-    "motor_current",
-    "sensor_torque",
-    "sensor_voltage",
-    "thermistor_voltage",
-    "reference_torque",
-)
-"""Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
 
 DRIVES = ("motor_torque", "motor_current")
 """Channels that are zero with reason while the drive is off."""
@@ -372,7 +362,7 @@ def clipped(log: Log) -> Iterator[Finding]:
     """
     resting = at_rest(log)
     off = log["enabled"] < 0.5 if "enabled" in log else np.zeros(len(log), dtype=bool)
-    for channel in MEASURED:
+    for channel in CONVERTED:
         if channel not in log or not np.isfinite(log[channel]).any():
             continue
         values, idle = log[channel], resting | off if channel in DRIVES else resting
@@ -451,7 +441,7 @@ def wrapped(log: Log) -> Iterator[Finding]:
 
 def quantised(log: Log) -> Iterator[Finding]:
     """Channels whose steps stand above their noise."""
-    for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *MEASURED):
+    for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *CONVERTED):
         if channel not in log:
             continue
         values = unwrapped(log[channel]) if channel in POSITIONS else log[channel]
