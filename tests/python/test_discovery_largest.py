@@ -74,6 +74,6 @@ def test_gravity_that_is_nearly_all_of_the_gap_is_named_beside_sharp_effects_and
     made = flexspline.discover(
         base, [run(80), run(81)], target="motor_torque", known_load="reference_torque"
     )
-    assert made.found[0].effect == "gravity" and made.found[0].confidence > 0.4
+    assert made.found[0].effect == "gravity"
     assert {*made.names} <= {"gravity", "inertia", "presliding_friction"}
     assert made.final_rmse < 0.3 * made.base_rmse

@@ -393,13 +393,12 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
     gain, left = dictionary.gain(name), made.leftover
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases, untried = sum(r.alias for r in rivals), made.searcher.by_untried(made.final, name)
-    retained, beside = left.retained.get(name, 1.0), left.gain
-    if beside > SETTINGS.bends * gain and made.closes_most(name):
-        retained, beside = 1.0, 0.0  # it is no part of what is left
-    return Sure(
-        confidence(gain, above, retained, beside, aliases + bool(untried)),
-        doubt(gain, retained, beside, left.channels) + (UNTRIED.format(untried) if untried else ""),
-    )
+    retained = left.retained.get(name, 1.0)
+    sure = confidence(gain, above, retained, left.gain, aliases + bool(untried))
+    if sure < LEAST and made.closes_most(name):
+        sure = LEAST  # it is no part of what is left, whatever that is
+    more = UNTRIED.format(untried) if untried else ""
+    return Sure(sure, doubt(gain, retained, left.gain, left.channels) + more)
 
 
 def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
