@@ -91,10 +91,15 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
 
 
 def _sliding(fit: Fit, own: Collection[str]) -> list[Derived]:
-    """The sum of frictions that slide together, which alone is bounded, and told best."""
+    """The sum of frictions that slide together, which alone is bounded, and told best.
+
+    None where these runs do not distinguish one of them from what is no part of the sum.
+    """
     weights = sliding_weights(fit.part)
     shares = dict.fromkeys(name.split(".")[0] for name in weights)
-    if not weights or not shares.keys().isdisjoint(own):
+    groups = ({*one.names} for one in fit.confounded)
+    mixed = any(names & weights.keys() and names - weights.keys() for names in groups)
+    if not weights or mixed or not shares.keys().isdisjoint(own):
         return []
     value = sum(weights[p.name] * p.value for p in fit.parameters if p.name in weights)
     names = fit.part.record["covariance"]["names"]
