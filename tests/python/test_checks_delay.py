@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hidden_logs import noise, slipping
 from numpy.typing import NDArray
 
 import flexspline
@@ -163,6 +164,19 @@ def test_a_drive_that_is_late_is_a_fault_that_a_fit_warns_of(late: float, told: 
         assert faults[0].size == pytest.approx(late, rel=0.05)
         asked = faults[0].remedy.split()[-1].rstrip(".")
         assert not check(repaired(log, asked)).named("torque_delay")
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.4])  # rad/s
+@pytest.mark.parametrize("level", [0.2, 1.0])  # Nm
+def test_a_drive_to_and_fro_at_one_speed_does_not_tell_a_delay_from_presliding(
+    speed: float, level: float
+) -> None:
+    time = np.arange(8000) / 200.0
+    way = np.where(time % 4.0 < 2.0, 1.0, -1.0)
+    angle = np.concatenate(([0.0], np.cumsum(speed * way)[:-1] / 200.0))
+    torque = 0.3 * way + slipping(angle, level, width=0.03) + noise(seed=1, samples=8000)
+    log = Log.from_arrays(time=time, output_position=angle, motor_torque=torque)
+    assert not check(log).faults
 
 
 @pytest.mark.parametrize("presliding", [0.003, 0.01, 0.03])  # rad

@@ -9,6 +9,7 @@ import pytest
 from fit_logs import WIDTH
 from hidden_logs import (
     BASE,
+    FACTS,
     LOAD,
     RATIO,
     Array,
@@ -22,12 +23,15 @@ from hidden_logs import (
     friction_of,
     gains_nothing,
     log_of,
+    noise,
     of_each_seed,
     presliding,
+    slipping,
     torque_hiding,
 )
 
 import flexspline
+from flexspline.effects import effect
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
@@ -82,6 +86,34 @@ def test_the_level_of_presliding_is_what_was_put_in() -> None:
     assert together.name == "coulomb_friction + presliding_friction once they slide"
     assert together.value == pytest.approx(0.5, abs=4 * together.standard_error)
     assert together.standard_error < min(level.standard_error, coulomb.standard_error)
+
+
+@pytest.mark.parametrize("speeds", [(0.4,), (0.2, 0.4)])
+def test_a_sum_that_slides_stands_only_where_its_frictions_are_known(
+    speeds: tuple[float, ...],
+) -> None:
+    """Friction at one speed is Coulomb or viscous friction, and the latter is not in the sum."""
+
+    def to_and_fro(seed: int) -> Log:
+        time = np.arange(8000) / 200.0
+        stroke = (time // 2.0).astype(int)
+        v = np.where(stroke % 2 == 0, 1.0, -1.0) * np.take(speeds, stroke // 2, mode="wrap")
+        q = np.concatenate([[0.0], np.cumsum(v)[:-1] / 200.0])
+        torque = 0.3 * np.sign(v) + 0.15 * v + slipping(q, 0.2, 0.03) + noise(seed, len(time))
+        return Log.from_arrays(facts=FACTS, time=time, output_position=q, motor_torque=torque)
+
+    terms = [effect("coulomb_friction", direction_width=WIDTH), "viscous_friction"]
+    made = flexspline.fit(
+        [*terms, "presliding_friction"],
+        [to_and_fro(seed) for seed in (1, 2)],
+        "motor_torque",
+        fixed={"direction_width": WIDTH},
+    )
+    mixed = {"coulomb_friction.level", "viscous_friction.viscosity"}
+    assert any(mixed <= {*group.names} for group in made.confounded) == (len(speeds) == 1)
+    sums = [one.value for one in made.derived if one.name.endswith("once they slide")]
+    assert sums == ([] if len(speeds) == 1 else [pytest.approx(0.5 * RATIO, rel=0.02)])
+    assert not any("level of" in one.name for one in made.derived if len(speeds) == 2)
 
 
 def test_the_error_of_a_torque_constant_comes_out() -> None:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, unit_in
 from flexspline.effects.causes import DERIVED, MESH, PRESLIDING, SPRINGS, TORSION_LOOP, Formula
+from flexspline.least_squares.identifiability import SHARE
 from flexspline.model import sign_warnings as signs_of_a_drive
 from flexspline.model import sliding_weights
 from flexspline.orders.parts import effective_ratio
@@ -60,7 +61,8 @@ POSITIVE = tuple(
 def derived_of(fit: Fit) -> tuple[Derived, ...]:
     """Return the derived quantities of a fit's effects.
 
-    Left out are those that are not finite, that the data do not see, and whose error is more than
+    Left out are those that are not finite, that the data do not see, that get more than half of
+    their variance from directions in which coefficients are confounded, whose error is more than
     half of their value, where the first order of the delta method no longer holds, and those of
     effects of which each run has its own.
     """
@@ -91,15 +93,10 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
 
 
 def _sliding(fit: Fit, own: Collection[str]) -> list[Derived]:
-    """The sum of frictions that slide together, which alone is bounded, and told best.
-
-    None where these runs do not distinguish one of them from what is no part of the sum.
-    """
+    """The sum of frictions that slide together, which alone is bounded, and told best."""
     weights = sliding_weights(fit.part)
     shares = dict.fromkeys(name.split(".")[0] for name in weights)
-    groups = ({*one.names} for one in fit.confounded)
-    mixed = any(names & weights.keys() and names - weights.keys() for names in groups)
-    if not weights or mixed or not shares.keys().isdisjoint(own):
+    if not weights or not shares.keys().isdisjoint(own):
         return []
     value = sum(weights[p.name] * p.value for p in fit.parameters if p.name in weights)
     names = fit.part.record["covariance"]["names"]
@@ -142,10 +139,10 @@ def _error(fit: Fit, prefix: str, formula: Formula, values: Mapping[str, float])
 
 
 def _error_along(fit: Fit, gradient: NDArray[np.float64]) -> float:
-    """Of gradient · β: NaN where nothing behind it is fitted, infinite where no run sees it."""
+    """Of gradient · β: NaN where nothing behind it is fitted, infinite where it is not known."""
     if not gradient.any():
         return float("nan")
-    if not _seen(fit, gradient):
+    if not _seen(fit, gradient) or _confounded_share(fit, gradient) > SHARE:
         return float("inf")
     return float(fit.uncertainty.errors_of(gradient[None])[0])
 
@@ -155,6 +152,26 @@ def _seen(fit: Fit, gradient: NDArray[np.float64]) -> bool:
     basis = fit.uncertainty.basis
     left = gradient - basis @ np.linalg.lstsq(basis, gradient, rcond=None)[0]
     return bool(np.linalg.norm(left) <= 1e-6 * np.linalg.norm(gradient))
+
+
+def _confounded_share(fit: Fit, gradient: NDArray[np.float64]) -> float:
+    """Share of the variance of gradient · β that what is known of confounded groups leaves.
+
+    The directions in which such a group is not known are those that its known combinations leave
+    alone, so this is the share that [Belsley1980] asks of a coefficient, asked of a combination.
+    """
+    names = fit.part.record["covariance"]["names"]
+    hidden = {name for group in fit.confounded for name in group.names}
+    known = [{name: 1.0} for name in names if name not in hidden]
+    known += [dict(one.weights) for group in fit.confounded for one in group.known]
+    rows = np.array([[weights.get(name, 0.0) for name in names] for weights in known])
+    covariance = fit.uncertainty.covariance
+    total = gradient @ covariance @ gradient
+    if not hidden or not total > 0.0:
+        return 0.0
+    shared = rows.reshape(-1, len(names)) @ covariance
+    told = shared @ gradient
+    return float(1.0 - told @ np.linalg.pinv(shared @ rows.T, hermitian=True) @ told / total)
 
 
 def loop_warnings(fit: Fit) -> list[str]:

@@ -543,6 +543,15 @@ class Motion:
         """Derivative of the position behind a low pass of another bandwidth [Hz]."""
         return _by_range(LocalFit(bandwidth, order), self.time, self.position, self.ranges)
 
+    def away_from(self, instants: Array, delay: float) -> NDArray[np.bool_]:
+        """Rows to which the low pass carries nothing of these instants, delayed or not.
+
+        The instants rise, (K,) s, and come up to `delay` [s] later.
+        """
+        reach = LocalFit(self.bandwidth).half_length
+        first = np.searchsorted(instants, self.time - reach - delay)
+        return np.asarray(first == np.searchsorted(instants, self.time + reach, side="right"))
+
     def inside(self, margin: float) -> NDArray[np.bool_]:
         """Rows at least `margin` [s] away from the ends of their run, and not at its edge."""
         reach = max(margin, LocalFit(self.bandwidth).half_length)
