@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flexspline.calibration import calibrate
     from flexspline.calibration.result import CalibrationResult
     from flexspline.certification import Certificate, certify
-    from flexspline.comparison.comparing import compare
+    from flexspline.comparison import compare
     from flexspline.comparison.models import ModelComparison, compare_models
     from flexspline.comparison.result import Comparison
     from flexspline.deprecated import fit
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.asking import next_experiment
+    from flexspline.experiment import next_experiment
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
     from flexspline.exporting.block import learned_model
@@ -167,7 +167,7 @@ _HOME = {
     "calibrate": "calibration",
     "certify": "certification",
     "check": "logs.checks",
-    "compare": "comparison.comparing",
+    "compare": "comparison",
     "compare_models": "comparison.models",
     "discover": "discovery.discovering",
     "estimate": "estimation",
@@ -180,7 +180,7 @@ _HOME = {
     "joints_of": "logs.read",
     "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
-    "next_experiment": "experiment.asking",
+    "next_experiment": "experiment",
     "own_effect": "own",
     "read_log": "logs.read",
     "read_pieces": "logs.read",

@@ -40,8 +40,7 @@ from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
-from flexspline.own import Design, OwnEffect, design_of
-from flexspline.own.effect import own_effects
+from flexspline.own import Design, OwnEffect, design_of, own_effects
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexspline.effects import UNITS, Effect, require_effects, slices_of
 from flexspline.errors import InputError
 from flexspline.logs.log import Log
-from flexspline.own.effect import OwnEffect, declaration, of_file
+from flexspline.own import OwnEffect, declaration, of_file
 from flexspline.prepared import Preparation, preparations_of
 from flexspline.signals import Carried
 from flexspline.simulator import Simulated

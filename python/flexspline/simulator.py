@@ -2,7 +2,7 @@
 
     y = what the simulation says + what it lacks
 
-`Simulated` is the record that a model keeps of it. `comparison/comparing.py` makes it the base.
+`Simulated` is the record that a model keeps of it. `comparison` makes it the base.
 
 A column of the runs needs no alignment. A file of its own has its own time stamps, of the same
 clock: it is interpolated linearly between its rows, and has no values outside its span and in its

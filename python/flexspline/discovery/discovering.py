@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexspline.comparison.comparing import based
+from flexspline.comparison import based
 from flexspline.comparison.runs import LEAST_ROWS
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
@@ -59,7 +59,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, carried_beside, own_of_runs
 from flexspline.output_error.fitting import settings_of, with_servo_torque
-from flexspline.own.effect import OwnEffect, own_effects
+from flexspline.own import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
 from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started

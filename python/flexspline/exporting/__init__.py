@@ -39,7 +39,7 @@ from flexspline.files import atomic_write, whole_folder
 from flexspline.formatting import documented
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings, require_model
-from flexspline.own.effect import Header
+from flexspline.own import Header
 
 __all__ = [
     "EXPORTS",

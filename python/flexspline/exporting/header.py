@@ -44,8 +44,7 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
 from flexspline.logs.segments import GAP_STEPS
 from flexspline.model import MARGIN, Model, Part, load_words, widened
-from flexspline.own import OwnEffect
-from flexspline.own.effect import Header
+from flexspline.own import Header, OwnEffect
 from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 

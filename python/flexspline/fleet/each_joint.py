@@ -243,7 +243,7 @@ def compare(
 
 
 def _compared(task: tuple[Sequence[Session], Model], how: Mapping[str, Any]) -> UnitComparison:
-    from flexspline.comparison.comparing import compare as compare_runs
+    from flexspline.comparison import compare as compare_runs
 
     sessions, model = task
     logs = []

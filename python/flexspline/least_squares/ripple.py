@@ -9,9 +9,18 @@ Errors by the delta method from the covariance C of (a, b):
 An order is significant where (a, b) C⁻¹ (a, b)ᵀ exceeds the 95 % point of χ² with two degrees of
 freedom.
 
-Over part of a turn a residual does not show which low order of the output made it: those are chosen
-beside the model's other effects (`joint_orders.py`). Order 1 of the output is gravity where that is
-in the model.
+Over part of a turn waves of the output are not orthogonal to each other, nor to offset and gravity:
+these take most of order 2, and what they leave of it looks like order 4 or 5. So no order is read
+off a residual there. All candidates are fitted beside the model at once; with the columns X of the
+candidates projected on what the model's own leave, G = XᵀX and g = Xᵀy, a set S of orders takes
+
+    g_Sᵀ G_SS⁻¹ g_S - c s² |S|
+
+off the squares, less what it has to: c the significance threshold of one order, s² the long-run
+variance of the noise beside all candidates. The set that takes most is the best subset: all sets of
+few orders are compared, more are added one at a time. Of sets of as many orders that the data do
+not tell from the best, that of the lowest orders is taken. Order 1 of the output is
+gravity where that is in the model.
 
 A target that is late by δ against the angle shows cos(kx − kẋδ) at speed ẋ: over the speeds of the
 runs, both ways, least squares keeps of the amplitude
@@ -23,8 +32,9 @@ and the rest is residual. δ is that of the target against the known load, where
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,8 +52,14 @@ from flexspline.effects.causes import (
 )
 from flexspline.errors import listed
 from flexspline.formatting import plus_minus, short
-from flexspline.least_squares.estimate import Given, counts_of, estimate, residuals_of
-from flexspline.least_squares.joint_orders import best_orders
+from flexspline.least_squares.estimate import (
+    Estimate,
+    Given,
+    counts_of,
+    estimate,
+    noise_of,
+    residuals_of,
+)
 from flexspline.least_squares.problem import Problem
 from flexspline.logs import Log
 from flexspline.orders import OrderAnalysis, find_orders
@@ -81,6 +97,9 @@ CHI_SQUARED_95 = 5.991  # two degrees of freedom
 TOLD = 3.0  # standard errors of a delay: 3 in 1000 by chance
 BEYOND = 2.0  # standard errors of an amplitude: a loss of more lies outside of its interval
 MOST_LOST = 0.5  # of an amplitude: what is left is no measure of it, significant or not
+
+COMPARED = 4  # orders of the largest sets that are all compared
+DEPENDENT = 1e-9  # share of a column's squares, below which others explain it
 
 MOTOR_PAIR = "motor_on_stator"
 PAIRS = {
@@ -186,9 +205,67 @@ def _jointly(
     terms = [column[f"{pool.name}.{term.name}"] for term in pool.terms]
     both = [*zip(terms[::2], terms[1::2], strict=True)]
     orders = [order for order, _ in pool.harmonics]
-    return own.with_orders(
-        [(k, pair) for k in best_orders(made, both, orders, SURE, CHI_SQUARED_95)]
+    return own.with_orders([(k, pair) for k in _best_orders(made, both, orders)])
+
+
+def _best_orders(
+    made: Estimate, pairs: Sequence[tuple[int, int]], orders: Sequence[int]
+) -> tuple[int, ...]:
+    """Return the orders that best explain, beside the rest of a model, what was measured.
+
+    Parameters
+    ----------
+    made : an estimate with all candidates, which it was not pruned of.
+    pairs : columns of cosine and sine among the fitted ones, of each candidate.
+    orders : periods per turn, of each candidate.
+    """
+    gram, moment, variance = _beside(made, np.array(pairs).ravel())
+
+    def gain(chosen: tuple[int, ...]) -> float:
+        at = np.array([[2 * k, 2 * k + 1] for k in chosen], dtype=np.intp).ravel()
+        inverse = np.linalg.pinv(gram[np.ix_(at, at)], rcond=DEPENDENT, hermitian=True)
+        return float(moment[at] @ inverse @ moment[at]) / variance - SURE * len(chosen)
+
+    gains = {chosen: gain(chosen) for chosen in _sets(len(orders))}
+    best = max(gains, key=lambda chosen: gains[chosen])
+    alike = [c for c in gains if len(c) == len(best) and gains[c] > gains[best] - CHI_SQUARED_95]
+    lowest = min(alike, key=lambda chosen: sum(orders[k] for k in chosen))
+    while len(lowest) >= COMPARED:
+        more = [(*lowest, k) for k in range(len(orders)) if k not in lowest]
+        further = max(more, key=gain, default=lowest)
+        if gain(further) <= gain(lowest):
+            break
+        lowest = further
+    return tuple(sorted(orders[k] for k in lowest))
+
+
+def _sets(count: int) -> Iterator[tuple[int, ...]]:
+    for size in range(min(COMPARED, count) + 1):
+        yield from combinations(range(count), size)
+
+
+def _beside(made: Estimate, at: NDArray[np.intp]) -> tuple[Array, Array, float]:
+    """XᵀX (K, K) and Xᵀy (K,) of columns beside all others, and the variance of the noise."""
+    width = made.basis.shape[0]
+    gram, pull = np.zeros((width, width)), np.zeros(width)
+    for chunk in made.tangent():
+        rows = chunk.rows
+        gram += rows.T @ rows
+        pull += rows.T @ chunk.residual
+    solution = np.zeros(width)
+    solution[: len(made.fitted)] = made.linear.coefficients[made.fitted]
+    moment = gram @ solution + pull  # of the target, linear around the shapes found
+    scale = np.sqrt(np.diag(gram))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    gram, moment = gram / np.outer(scale, scale), moment / scale
+    others = np.setdiff1d(np.arange(width), at)
+    shared = gram[np.ix_(at, others)] @ np.linalg.pinv(
+        gram[np.ix_(others, others)], rcond=DEPENDENT, hermitian=True
     )
+    noise = noise_of(made)
+    variance = noise.long_run_variance * noise.decimation
+    inner = gram[np.ix_(at, at)] - shared @ gram[np.ix_(others, at)]
+    return inner, moment[at] - shared @ moment[others], max(variance, np.finfo(float).tiny)
 
 
 def _of_the_gear(found: OrderAnalysis) -> OrderAnalysis:

@@ -40,8 +40,7 @@ from flexspline.least_squares.result import SINGULAR, TINY
 from flexspline.least_squares.validation import RUNS_NEEDED, run_edges
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.segments import runs as unbroken_runs
-from flexspline.own import OwnEffect
-from flexspline.own.effect import core_design, is_own
+from flexspline.own import OwnEffect, core_design, is_own
 from flexspline.parallel import in_order
 
 __all__ = [
