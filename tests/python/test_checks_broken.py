@@ -20,6 +20,7 @@ from flexspline.logs.repairs import REPAIRS, repaired
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
+MOTION = ["output_position", "output_velocity", "motor_torque"]
 SEED = 6
 
 
@@ -457,9 +458,13 @@ def test_a_log_of_few_rows_is_checked_without_failing(rows: int) -> None:
     assert not check(sound_log(SEED).rows(slice(rows))).errors
 
 
-def test_a_log_of_nothing_but_nan_is_checked_without_failing() -> None:
-    log = Log.from_arrays(time=np.arange(100.0), output_position=np.full(100, np.nan))
-    assert check(log).named("not_finite")
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("empty", [MOTION[:1], MOTION[1:2], MOTION[2:], MOTION])
+def test_a_log_of_nothing_but_nan_is_checked_without_failing(empty: list[str]) -> None:
+    held = np.repeat(np.arange(50.0), 2)
+    there = dict.fromkeys(MOTION, held)
+    log = Log.from_arrays(time=np.arange(100.0), **{**there, **dict.fromkeys(empty, held * np.nan)})
+    assert {finding.channel for finding in check(log).named("not_finite")} == {*empty}
 
 
 @pytest.mark.parametrize("row", [1, 2, 3, 50, 97, 98, 99])
@@ -467,10 +472,10 @@ def test_a_wrap_is_seen_in_whatever_row_it_is(row: int) -> None:
     """Beside an end of the run the steps around it lie on one side."""
     angle = 0.01 * (np.arange(100.0) - row + 0.5)
     wrapped = np.where(np.arange(100) >= row, angle - np.pi, angle + np.pi)
-    found = check(Log.from_arrays(time=0.01 * np.arange(100.0), output_position=wrapped))
-    (finding,) = found.named("wrapped_angle")
+    log = Log.from_arrays(time=0.01 * np.arange(100.0), output_position=wrapped)
+    (finding,) = check(log).named("wrapped_angle")
     assert finding.rows[0] == row
-    np.testing.assert_allclose(unwrapped(wrapped), angle + np.pi, atol=1e-12)
+    np.testing.assert_allclose(unwrapped(log, "output_position"), angle + np.pi, atol=1e-12)
 
 
 def test_a_long_log_of_which_stretches_are_looked_at_has_its_ratio() -> None:
@@ -499,5 +504,23 @@ def test_a_wrapped_angle_is_unwrapped_beside_rows_without_a_value() -> None:
     wrapped = true % (2.0 * np.pi)
     wrapped[[40, 82, 83, 85, 251]] = np.nan  # the first wrap lies at row 84
     known = np.isfinite(wrapped)
-    assert np.allclose(unwrapped(wrapped)[known], true[known])
-    assert np.isnan(unwrapped(wrapped)[~known]).all()
+    log = Log.from_arrays(time=0.01 * np.arange(400.0), output_position=wrapped)
+    whole = unwrapped(log, "output_position")
+    assert np.allclose(whole[known], true[known])
+    assert np.isnan(whole[~known]).all()
+
+
+@pytest.mark.parametrize("dropped", [1, 2, 3, 4, 5, 6])
+def test_rows_that_a_recorder_dropped_are_no_wrap_of_a_fast_motor(dropped: int) -> None:
+    """At 1.5 rad in a row four missing rows are nearly a turn; the motor has gone on."""
+    time = np.arange(2000) / 100.0
+    motor = 80.0 * np.sin(2.0 * np.pi * 0.3 * time)
+    kept = np.ones(len(time), dtype=bool)
+    for first in (1003, 1330, 1337, 1670):  # where it is fastest
+        kept[first : first + dropped] = False
+    log = Log.from_arrays(time=time[kept], motor_position=motor[kept])
+    assert log.columns["motor_position"].shape < time.shape and np.ptp(np.diff(motor)) > 2.9
+    assert not check(log).named("wrapped_angle")
+    np.testing.assert_array_equal(unwrapped(log, "motor_position"), motor[kept])
+    turned = Log.from_arrays(time=time[kept], motor_position=np.angle(np.exp(1j * motor[kept])))
+    assert check(turned).named("wrapped_angle")

@@ -148,7 +148,7 @@ def with_unwrapped_angles(
     wraps = {(fault.run, fault.channel) for fault in faults if fault.name == WRAPPED}
     whole = []
     for log in logs:
-        angles = {name: unwrapped(log[name]) for run, name in sorted(wraps) if run == log.name}
+        angles = {name: unwrapped(log, name) for run, name in sorted(wraps) if run == log.name}
         note = f"unwrapped for the search: {', '.join(angles)}"
         whole.append(log.with_columns(angles, note=note) if angles else log)
     said = "Names are looked for with the unwrapped angle."

@@ -89,6 +89,8 @@ def at_rest(log: Log) -> NDArray[np.bool_]:
     position = log["output_position"]
     steps = np.abs(np.diff(position))
     same = steps == 0.0
+    if not same.any() or not np.isfinite(log.columns.get("output_velocity", position)).any():
+        return np.zeros(len(log), dtype=bool)
     if "output_velocity" in log:
         speed = np.abs(log["output_velocity"])
         slow = speed <= 0.01 * float(np.nanquantile(speed, 0.99))
@@ -264,7 +266,8 @@ def output_speed(log: Log, least: float) -> NDArray[np.float64]:
 
 def _slow(velocity: NDArray[np.float64]) -> float:
     """1 % of the speed that 99 % of the rows stay below."""
-    return 0.01 * float(np.nanpercentile(np.abs(velocity), 99)) if velocity.size else 0.0
+    known = velocity[np.isfinite(velocity)]
+    return 0.01 * float(np.percentile(np.abs(known), 99)) if known.size else 0.0
 
 
 def _moving_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:

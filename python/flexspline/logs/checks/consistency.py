@@ -352,7 +352,7 @@ def _beside_stated(log: Log, found: Gear | None = None) -> Told | None:
 
 
 def _travel(log: Log, position: str) -> float:
-    angle = unwrapped(log[position])
+    angle = unwrapped(log, position)
     return float(np.nanmax(angle) - np.nanmin(angle))
 
 
@@ -442,7 +442,7 @@ def measured_gear(log: Log) -> Gear | None:
     motion = motion_of(log)
     if motion is None or "motor_position" not in log:
         return None
-    motor = unwrapped(log["motor_position"])[motion.rows]
+    motor = unwrapped(log, "motor_position")[motion.rows]
     valid = motion.inside(0.0)
     if np.count_nonzero(valid) < 200:
         return None

@@ -158,7 +158,7 @@ def homing_move(log: Log) -> Iterator[Finding]:
         first, last = max(parts, key=lambda part: part[1] - part[0])
         if 2 * (last - first) <= len(log):
             continue
-        angle = unwrapped(log[channel])
+        angle = unwrapped(log, channel)
         for begin, end in ((0, first), (last, len(log))):
             inside = [jump for jump in jumps if begin <= jump[0] <= end]
             if begin == end or not inside:
@@ -268,7 +268,7 @@ def _speed(log: Log, channel: str) -> Array | None:
     """Speed of an angle over `LEAST` rows ending at each row; None where that is but noise."""
     if channel not in log or not np.isfinite(log[channel]).all() or len(log) <= 2 * BEFORE:
         return None
-    angle, time = unwrapped(log[channel]), log["time"]
+    angle, time = unwrapped(log, channel), log["time"]
     took = np.maximum(time[LEAST:] - time[:-LEAST], 1e-12)
     speed = np.zeros(len(angle))
     speed[LEAST:] = (angle[LEAST:] - angle[:-LEAST]) / took
@@ -382,7 +382,7 @@ def _all_stop(log: Log) -> int | None:
 
 def _abrupt(log: Log, channel: str, first: int) -> bool:
     """Whether a joint that stops there changes its speed more than anywhere before."""
-    angle = unwrapped(log[channel])[:first]
+    angle = unwrapped(log, channel)[:first]
     for rows in (JUMP_ROWS, LEAST):
         way = angle[rows:] - angle[:-rows]
         change = np.abs(way[rows:] - way[:-rows])
@@ -395,7 +395,7 @@ def _jumps(log: Log, channel: str) -> list[tuple[int, int]]:
     """Rows [first, last) of each jump of an angle: what is before it, and behind, is sound."""
     if channel not in log or not np.isfinite(log[channel]).all() or len(log) <= 2 * BEFORE:
         return []
-    angle, time = unwrapped(log[channel]), log["time"]
+    angle, time = unwrapped(log, channel), log["time"]
     step = median_step(time)
     if step <= 0.0:
         return []
@@ -566,9 +566,9 @@ def transient_rows(log: Log, channel: str) -> int:
 
 
 def _one_speed(velocity: Array) -> bool:
-    level = float(np.nanmedian(velocity)) if velocity.size else 0.0
-    off = np.abs(velocity - level)
-    return level != 0 and float(np.nanpercentile(off, 90)) < 0.4 * abs(level)
+    known = velocity[np.isfinite(velocity)]
+    level = float(np.median(known)) if known.size else 0.0
+    return level != 0 and float(np.percentile(np.abs(known - level), 90)) < 0.4 * abs(level)
 
 
 def _swings(velocity: Array) -> bool:

@@ -423,7 +423,7 @@ def wrapped(log: Log) -> Iterator[Finding]:
     for channel in POSITIONS:
         if channel not in log:
             continue
-        jumps = wrap_rows(log[channel])
+        jumps = wrap_rows(log, channel)
         if jumps.size:
             yield Finding(
                 "wrapped_angle",
@@ -444,7 +444,7 @@ def quantised(log: Log) -> Iterator[Finding]:
     for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *CONVERTED):
         if channel not in log:
             continue
-        values = unwrapped(log[channel]) if channel in POSITIONS else log[channel]
+        values = unwrapped(log, channel) if channel in POSITIONS else log[channel]
         step = quantum(values)
         if step == 0:
             continue
@@ -464,36 +464,37 @@ def quantised(log: Log) -> Iterator[Finding]:
         )
 
 
-def wrap_rows(position: NDArray[np.float64]) -> NDArray[np.intp]:
+def wrap_rows(log: Log, channel: str) -> NDArray[np.intp]:
     """Rows that step by a turn more, or less, than the rows around them."""
-    return _wraps(position)[0]
+    return _wraps(log[channel], log["time"])[0]
 
 
-def unwrapped(position: NDArray[np.float64]) -> NDArray[np.float64]:
+def unwrapped(log: Log, channel: str) -> NDArray[np.float64]:
     """The angle without its wraps; a motor that turns more than π per row stays as it is.
 
     Of all rows: where some are left out, a jump of the angle may look like a wrap.
     """
-    known = np.isfinite(position)
-    if not known.all():
-        whole = position.copy()
-        whole[known] = unwrapped(position[known])
-        return whole
-    rows, turns = _wraps(position)
-    excess = np.zeros(len(position))
+    position, known = log[channel], np.isfinite(log[channel])
+    rows, turns = _wraps(position[known], log["time"][known])
+    excess = np.zeros(np.count_nonzero(known))
     excess[rows] = 2 * np.pi * turns
-    return position - np.cumsum(excess) if rows.size else position
+    whole = position.copy()
+    whole[known] -= np.cumsum(excess)
+    return whole
 
 
-def _wraps(position: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Rows behind a wrap, and by how many turns (1 or -1)."""
-    steps = np.diff(position)
+def _wraps(position: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
+    """Rows behind a wrap, and by how many turns (1 or -1); over a gap the angle has gone on."""
+    steps, times = np.diff(position), np.diff(time)
     far = np.flatnonzero(np.abs(steps) > np.pi / 2)
     if far.size == 0 or len(steps) < 5:
         return far[:0] + 1, np.zeros(0)
     window = np.clip(far - 2, 0, len(steps) - 5)[:, None] + np.arange(5)  # at an end: to one side
-    around = steps[window][window != far[:, None]].reshape(-1, 4)
-    excess = steps[far] - np.median(around, axis=1)
+    beside = window != far[:, None]
+    around = np.median(steps[window][beside].reshape(-1, 4), axis=1)
+    usual = np.median(times[window][beside].reshape(-1, 4), axis=1)
+    rows_gone = np.round(times[far] / np.where(usual > 0.0, usual, np.inf))
+    excess = steps[far] - around * np.fmax(rows_gone, 1.0)
     whole = np.abs(np.abs(excess) - 2 * np.pi) < 0.7
     return far[whole] + 1, np.sign(excess[whole])
 
@@ -572,7 +573,7 @@ def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     if channel not in log:
         return None
     rows = _usable_rows(log)
-    time, position = log["time"][rows], unwrapped(log[channel])[rows]
+    time, position = log["time"][rows], unwrapped(log, channel)[rows]
     travel = float(np.ptp(position)) if len(position) else 0.0
     grain = max(50 * quantum(position), 20 * white_noise(position))
     still = travel <= max(grain, 1e-12) or len(np.unique(position)) <= LEVELS
