@@ -66,6 +66,21 @@ def test_a_model_and_a_fit_of_other_runs_are_judged_by_their_prediction():
     assert np.isnan(made.aic).all()
 
 
+def test_each_model_warns_of_what_predict_warns_of():
+    """Rows outside of what one of two models was fitted to, faster than its own runs."""
+    motions = [motion(seed, 1000, speed=0.5) for seed in (11, 12)]
+    slow = [simulated(friction(), FRICTION, one, 0.01 * np.random.default_rng(k).normal(size=1000))
+            for k, one in enumerate(motions)]  # fmt: skip
+    kept = {"whole": whole(), "slow": fitted(friction(), slow)}
+    made = flexspline.compare_models(kept, runs())
+    assert any("velocity" in note for note in made.notes if note.startswith("Warning of 'slow'"))
+    for name, fit in kept.items():
+        said = [fit.model.predict(log, "sensor_torque").warnings for log in runs()]
+        shown = {note for note in made.notes if note.startswith(f"Warning of '{name}': ")}
+        assert shown <= {f"Warning of '{name}': {one}." for each in said for one in each}
+        assert bool(shown) == any(said)
+
+
 def test_runs_that_a_fit_saw_and_others_stand_side_by_side():
     made = flexspline.compare_models({"whole": whole()}, [*runs()[:1], log_of(8)])
     assert [run.kinds for run in made.runs] == [(HELD_OUT,), (PREDICTED,)]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.comparison.runs import warned
 from flexspline.effects import UNITS
 from flexspline.errors import InputError, listed
 from flexspline.lazy import Rendered, render
@@ -173,7 +174,12 @@ def compare_models(
     parts = {n: one.part if isinstance(one, Fit) else one.part(target) for n, one in models.items()}
     told_apart = (lowpass_remark(part, lowpass, f"'{n}'") for n, part in parts.items())
     smoothed = [sentence for sentence in told_apart if sentence]
-    notes = [*_left_out(made), *_fitted(names, made), *smoothed, *notes]
+    against = (
+        warned((row[at][0].warnings for row in told), f" of '{name}'")
+        for at, name in enumerate(names)
+    )
+    said = [sentence for own in against for sentence in own]
+    notes = [*_left_out(made), *_fitted(names, made), *smoothed, *said, *notes]
     return ModelComparison(
         target, UNITS[target], lowpass, names, tuple(made), aic, bic, tuple(notes)
     )

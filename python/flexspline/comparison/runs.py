@@ -7,7 +7,7 @@ covariates would be none, for a simulation that drifts is off by something that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -46,6 +46,7 @@ __all__ = [
     "rows_of",
     "simulated",
     "simulated_elsewhere",
+    "warned",
 ]
 
 Array = NDArray[np.float64]
@@ -144,7 +145,7 @@ def predicted(
     own = _noise_left(noise, ways)
     runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
     notes = tuple(filter(None, [lowpass_remark(part, lowpass), _seen_by(part, logs, lowpass)]))
-    notes += _warned(runs)
+    notes += warned(run.warnings for run in runs)
     if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
         runs, left_out = _resolved(model, part, logs, lowpass, runs)
         notes += left_out
@@ -174,12 +175,15 @@ def _seen_by(part: Part, logs: Sequence[Log], lowpass: float | None) -> str:
     )
 
 
-def _warned(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
-    """What speaks against the model on these runs, each sentence once; of many the first."""
-    said = [*dict.fromkeys(sentence for run in runs for sentence in run.warnings)]
-    told = [f"Warning: {sentence}." for sentence in said[:MOST_WARNED]]
-    if len(said) > MOST_WARNED:
-        told.append(f"{len(said) - MOST_WARNED} more warnings of this kind: predict says them all.")
+def warned(runs: Iterable[Sequence[str]], of: str = "") -> tuple[str, ...]:
+    """Return what each run says against a model, each sentence once; of many the first.
+
+    `of`: a space and what tells the model from others that are compared.
+    """
+    said = [*dict.fromkeys(sentence for warnings in runs for sentence in warnings)]
+    told = [f"Warning{of}: {sentence}." for sentence in said[:MOST_WARNED]]
+    if (more := len(said) - MOST_WARNED) > 0:
+        told.append(f"{more} more warnings{of} of this kind: predict says them all.")
     return tuple(told)
 
 
@@ -476,7 +480,15 @@ def simulated(
         )
     floor = resolution([run.measured for run in runs]) if channel == "output_position" else None
     return Compared(
-        tuple(runs), channel, unit, True, None, source, part.unit, floor, notes=_warned(runs)
+        tuple(runs),
+        channel,
+        unit,
+        True,
+        None,
+        source,
+        part.unit,
+        floor,
+        notes=warned(run.warnings for run in runs),
     )
 
 
