@@ -268,7 +268,8 @@ def test_a_mujoco_decides_by_its_version_and_is_not_imported(
     monkeypatch.setattr("importlib.metadata.version", missing)
     assert text_of(model, tmp_path, None) == asked[False]
     assert "dcmotors of MuJoCo 4 would take presliding_friction:\n" in asked[False]
-    assert losses_of(asked[False])["presliding_friction"] == "0.35"
+    # of a level of 0.35: as much just behind a reversal, where the joint's own has turned over
+    assert losses_of(asked[False])["presliding_friction"] == "0.7"
     monkeypatch.undo()
     model.save(tmp_path / "model.json")
     script = (

@@ -86,6 +86,35 @@ def test_what_is_lost_is_told_on_the_users_runs(form: str, tmp_path: Path) -> No
     ET.fromstring(text)
 
 
+@pytest.mark.parametrize("form", ["mujoco", "urdf"])
+@pytest.mark.parametrize("coulomb", [("coulomb_friction", [0.3]), ("coulomb_friction", [-0.1]),
+                                     ("coulomb_friction_per_direction", [0.5, -0.1])])  # fmt: skip
+def test_a_joint_brakes_as_much_as_the_model_once_it_slides(
+    form: str, coulomb: tuple[str, list[float]]
+) -> None:
+    """Coulomb friction and the springs of presliding together, whatever the share of each."""
+    (name, levels), springs = coulomb, [0.2, 0.0, 0.1, 0.05]
+    level = levels[0] if len(levels) == 1 else 0.5 * (levels[0] - levels[1])
+    model = model_of((name, "presliding_friction"), [*levels, *springs], gear_ratio=50.0)
+    logs = [run_of(1)]
+    joint, parts = joint_of(model, form, runs=logs), model.components(logs[0])
+    assert joint.friction == pytest.approx(level + sum(springs))
+    assert dict(joint.kept) == {name: "friction", "presliding_friction": "friction"}
+    lost = {loss.effect: loss.rms for loss in joint.lost}
+    (direction,) = model_of(("coulomb_friction",), [1.0]).components(logs[0]).values()
+    gap = parts["presliding_friction"] - sum(springs) * direction
+    assert lost.pop("presliding_friction") == pytest.approx(np.sqrt(np.mean(gap**2)), rel=1e-9)
+    assert np.sqrt(np.mean(gap**2)) < 0.5 * np.sqrt(np.mean(parts["presliding_friction"] ** 2))
+    assert lost.keys() == ({name} if len(levels) == 2 else set())
+
+
+def test_friction_that_is_negative_once_it_slides_is_no_number_of_a_joint() -> None:
+    names, numbers = ("coulomb_friction", "presliding_friction"), [-0.6, 0.2, 0.0, 0.1, 0.05]
+    joint = joint_of(model_of(names, numbers), "urdf")
+    assert joint.friction == 0.0 and not joint.kept
+    assert [loss.effect for loss in joint.lost] == [*names]
+
+
 def test_one_run_is_a_file_too_and_its_unmeasured_rows_count_for_nothing(tmp_path: Path) -> None:
     log = run_of(3)
     torque = np.array(log["motor_torque"])

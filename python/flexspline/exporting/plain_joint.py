@@ -4,6 +4,9 @@ MJCF and URDF know a joint by a few numbers at its output. Of a model's effects 
 number; the others are lost, and their largest torque over the ranges of the fit says what that
 costs. Beside runs, their root mean square there says it too, and the error of what is left.
 
+The springs of presliding friction have slipped once the joint slides: what they hold then is in the
+joint's friction, beside Coulomb's, and what is lost of them is what they remember until they slip.
+
 Names get into XML by `attributes` and `comment` alone, in which nothing of a name is markup.
 
 A joint of MuJoCo has armature, damping, frictionloss and stiffness. MuJoCo 4 has passive DC motors
@@ -31,13 +34,14 @@ from flexspline.effects.causes import (
     INERTIA,
     OFFSET,
     POLYNOMIAL_FRICTION,
+    PRESLIDING,
     VISCOUS,
 )
 from flexspline.errors import InputError, listed, printable
 from flexspline.exporting.dcmotor import LUGRE, Motors, PassiveMotor, motors_of
 from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model, Part
+from flexspline.model import Model, Part, sliding_weights
 from flexspline.own import design_of
 from flexspline.prepared import prepared
 from flexspline.signals import gear_of
@@ -77,6 +81,9 @@ NUMBERS: Mapping[str, tuple[tuple[str, int], ...]] = {
 }
 """Which number of a joint a coefficient is: its kind, and the power of |v| that scales it. Levels
 of two directions are one."""
+
+DIRECTION = {COULOMB: (1.0,), COULOMB_PER_DIRECTION: (1.0, -1.0)}
+"""Coefficients with which these effects are the direction of motion, from −1 to 1."""
 
 ROWS = 20_001
 SWEEPS, FASTER = 37.0, 0.13  # of the first channel; each next one goes e^FASTER times as often
@@ -153,7 +160,8 @@ class PlainJoint:
 class _Split:
     """An effect as a joint has it: the `kind` of number that it is, and the `rest`, (P,), of it.
 
-    `motors` take what is in neither. `could`: they would, and are not wanted.
+    `motors` take what is in neither. `could`: they would, and are not wanted. `slides`: what of the
+    rest is in the number while the joint slides.
     """
 
     effect: Effect
@@ -162,6 +170,7 @@ class _Split:
     why: str
     motors: Motors = field(default_factory=Motors)
     could: bool = False
+    slides: float = 0.0
 
     @property
     def whole(self) -> bool:
@@ -199,6 +208,9 @@ def plain_joint(
         _split(model, part, effect, coefficients, to_torque, values, motors)
         for effect, coefficients in part.by_effect()
     ]
+    if not motors and (FRICTION, 0) in values:
+        splits, level = _sliding(part, splits)
+        values[FRICTION, 0] = values[FRICTION, 0] if level is None else to_torque * level
     left = [split for split in splits if not split.whole]
     lost, on_runs, logs = [_loss(split, sweep, to_torque) for split in left], None, as_logs(runs)
     if logs:
@@ -255,12 +267,39 @@ def _split(
     return _Split(effect, take.made[0].kind, rest, take.why or "negative", take)
 
 
+def _sliding(part: Part, splits: list[_Split]) -> tuple[list[_Split], float | None]:
+    """The level of all friction while the joint slides, and the effects with their share of it.
+
+    The springs of presliding have slipped then, and what they hold adds to Coulomb friction, which
+    alone may be anything: see `sliding_weights`. None where the model has not both, or the sum is
+    negative.
+    """
+    weights, made, level = sliding_weights(part), list[_Split](), 0.0
+    for split, (effect, coefficients) in zip(splits, part.by_effect(), strict=True):
+        own = np.array([weights.get(f"{effect.name}.{term.name}", 0.0) for term in effect.terms])
+        share = float(own @ coefficients)
+        level += share
+        if effect.name == PRESLIDING:
+            split = replace(split, kind=FRICTION, why="until its springs slip", slides=share)
+        elif own.any():
+            rest = coefficients - share * np.sign(own)
+            split = replace(split, kind=FRICTION, rest=rest, why="the mean of both directions")
+        made.append(split)
+    return (made, level) if weights and level >= 0.0 else (splits, None)
+
+
+def _direction(part: Part) -> tuple[Effect, Array] | None:
+    """An effect of a part, and its coefficients that make it the direction, from −1 to 1."""
+    found = (e for e in part.effects if e.name in DIRECTION)
+    return next(((e, np.array(DIRECTION[e.name])) for e in found), None)
+
+
 def _loss(split: _Split, sweep: _Sweep, to_torque: float) -> Loss:
     """The row of an effect that is not whole."""
     elsewhere = split.why == _REMEDIES.get(split.effect.name)
     if split.motors.made and not split.rest.any():
         return Loss(split.effect.name, split.motors.largest, split.why)
-    torque, missing = sweep.largest(split.effect, split.rest)
+    torque, missing = sweep.largest(split.effect, split.rest, split.slides)
     size = None if torque is None else to_torque * torque + split.motors.largest
     return Loss(split.effect.name, size, missing or split.why, elsewhere)
 
@@ -310,12 +349,14 @@ def _on_runs(
 
 def _weights(part: Part, left: Sequence[_Split]) -> Array:
     """What multiplies the model's rows, (P, L): of what is left out, and of what motors take."""
-    weights = np.zeros((len(part.coefficients), len(left)))
+    weights, direction = np.zeros((len(part.coefficients), len(left))), _direction(part)
     for effect, at in zip(part.effects, slices_of(part.effects), strict=True):
         for place, each in enumerate(left):
             if each.effect is effect:
                 whole = bool(each.motors.made)
                 weights[at, place] = part.coefficients[at] if whole else each.rest
+            elif direction is not None and effect is direction[0]:
+                weights[at, place] -= each.slides * direction[1]
     return weights
 
 
@@ -451,14 +492,20 @@ class _Sweep:
             for effect, at in zip(self._effects, slices_of(self._effects), strict=True)
         }
 
-    def largest(self, effect: Effect, coefficients: Array) -> tuple[float | None, str]:
-        """The largest of what these coefficients of an effect make, or why that is not known."""
-        if effect.name not in self._rows:
-            missing = self._missing(effect) or ["load"]
+    def largest(
+        self, effect: Effect, coefficients: Array, slides: float
+    ) -> tuple[float | None, str]:
+        """The largest of what these coefficients of an effect make, less what slides times the
+        direction, or why that is not known."""
+        direction = _direction(self._part) if slides else None
+        parts = [(effect, coefficients)]
+        parts += [(direction[0], -slides * direction[1])] if direction else []
+        for one in (one for one, _ in parts if one.name not in self._rows):
+            missing = self._missing(one) or ["load"]
             if missing == ["period"]:
                 return None, "depends on how fast its channels change"
             return None, f"the model has no range of {listed(missing)}"
-        made = np.abs(self._rows[effect.name] @ coefficients).max()
+        made = np.abs(sum(self._rows[one.name] @ values for one, values in parts)).max()
         return (float(made), "") if np.isfinite(made) else (None, "not finite over the ranges")
 
     def effort(self, to_torque: float) -> float | None:
