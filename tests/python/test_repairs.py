@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,6 +82,26 @@ def test_signs_are_turned_for_one_channel_or_all_of_the_motor() -> None:
     assert back["motor_position"][1] == back["motor_current"][1] == -TIME[1]
     assert back["sensor_torque"][1] == TIME[1]
     assert back.history[-1] == "reverse_motor: motor_position, motor_current times -1"
+
+
+@pytest.mark.parametrize(("repair", "times"), [
+    ("flip_sign=motor_current", -1.0),
+    ("flip_sign=motor_torque", -1.0),
+    (["flip_sign=motor_torque", "flip_sign=motor_current"], -1.0),  # as check says of both
+    ({"scale": ("motor_current", 0.5)}, 0.5),
+    (["scale=motor_torque:0.5", "flip_sign=motor_current"], -0.5),
+])  # fmt: skip
+def test_a_torque_that_is_made_of_the_current_is_repaired_with_it(
+    repair: Any, times: float, tmp_path: Path
+) -> None:
+    path, current = tmp_path / "run.csv", np.sin(np.arange(50.0))
+    np.savetxt(path, np.column_stack([np.arange(50.0), current]), delimiter=",",
+               header="time,motor_current", comments="")  # fmt: skip
+    log = read_log(path, torque_constant=0.1, repair=repair)
+    np.testing.assert_allclose(log["motor_current"], times * current)
+    np.testing.assert_allclose(log["motor_torque"], 0.1 * times * current)
+    inside = read_log(path, torque_constant=0.1, repair="drop_clipped=motor_torque:0.05")
+    np.testing.assert_array_equal(inside["motor_current"], current[np.abs(0.1 * current) < 0.05])
 
 
 def test_repeated_rows_go_and_those_of_a_joint_at_rest_stay() -> None:

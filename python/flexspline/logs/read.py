@@ -26,7 +26,13 @@ from flexspline.logs.frames import is_frame
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
 from flexspline.logs.presets import Preset, preset_of
-from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
+from flexspline.logs.repairs import (
+    Repairs,
+    move_earlier,
+    repaired,
+    repairs_of_both,
+    repairs_of_source,
+)
 from flexspline.logs.splitting import (
     Cut,
     Gaps,
@@ -410,7 +416,12 @@ class _Read:
 
     def repaired(self, log: Log, repair: Repairs) -> Log:
         """Return rows of the log repaired, with columns of a clock of their own moved."""
-        made = repaired(with_motor_torque(log), repair)
+        made, derived = log, with_motor_torque(log)
+        if derived is not log:
+            repair, behind = repairs_of_source(repair, "motor_torque", "motor_current")
+            made = repaired(with_motor_torque(repaired(log, repair)), behind)
+        else:
+            made = repaired(log, repair)
         for channel, seconds in self.late.items():
             made = move_earlier(made, channel, seconds)
         return made
