@@ -13,7 +13,7 @@ import flexspline
 from flexspline import Compliance, Fit, FlexsplineWarning, InputError, Model, full_range
 from flexspline.exporting.coupling import without_log
 from flexspline.logs.log import Log
-from flexspline.report.html import model_facts
+from flexspline.report.html import model_facts, python_call
 
 Array = NDArray[np.float64]
 
@@ -173,6 +173,16 @@ def test_a_torsion_fitted_before_the_gravity_was_known_is_said() -> None:
     _, notes = external(fitted.model, moving(3))
     (said,) = [note for note in notes if "taken off the gear's torque" in note]
     assert said.startswith(f"the part for torsion was fitted to {LOAD} alone, without the gravity")
+
+
+def test_the_report_makes_the_fit_again_with_the_weight() -> None:
+    both = gear_of(hold(0.8), hold(-0.8), into=drive().model)
+    given = {"flexspline": flexspline, "logs": [hold(0.8), hold(-0.8)], "model": drive().model}
+    exec(python_call(both), given)
+    again: Fit = given["fit"]  # type: ignore[assignment]
+    assert again.part.carried == both.part.carried is not None
+    np.testing.assert_array_equal(again.part.coefficients, both.part.coefficients)
+    assert "into=" not in python_call(gear_of(hold(0.8), into=None))
 
 
 def test_discover_goes_on_with_the_weight() -> None:

@@ -439,6 +439,22 @@ def test_contacts_are_where_the_thresholds_are_passed() -> None:
     assert not flexspline.estimate(joint(), log).contacts
 
 
+@pytest.mark.parametrize("known", [1.0, 0.5, 0.0])
+def test_no_contact_is_said_of_rows_in_which_it_is_decided(known: float) -> None:
+    log = raw_log()
+    torque = np.where(np.arange(len(log)) < known * len(log), log["motor_torque"], np.nan)
+    log = log.with_columns({"motor_torque": torque}, note="a drive that falls silent")
+    made = flexspline.estimate(joint(BY_MOTOR, Collision("observer", (), (1e3,), (1e3,))), log)
+    decided = int(np.isfinite(made["contact"]).sum())
+    assert (decided == len(log), decided == 0) == (known == 1.0, known == 0.0)
+    text = str(made)
+    assert ("no contact\n" in text, f"no contact in {decided} rows" in text) == (
+        known == 1.0,
+        known == 0.5,
+    )
+    assert ("no contact" in text) == (known > 0.0)
+
+
 def test_the_result_speaks() -> None:
     made = flexspline.estimate(whole_joint(), raw_log())
     text, page = str(made), made._repr_html_()

@@ -69,6 +69,15 @@ def test_springs_shapes_and_loop_come_back_within_their_errors(own: Fit) -> None
         assert error < 0.05 * value, name
 
 
+def test_nothing_is_derived_of_a_shape_that_ends_at_its_bound() -> None:
+    """Springs that the load does not bend: how far they would go at most is not known."""
+    effects = [effect("offset"), effect("mesh_compliance", mesh_shape=1e-4)]
+    logs = [own_rows(seed, effects, np.array([0.001, RATIO / K_M0])) for seed in (10, 11)]
+    made = flexspline.fit(["offset", "mesh_compliance"], logs, "torsion", known_load=LOAD)
+    assert made["mesh_shape"].state == "at lower bound"
+    assert [one.name for one in made.derived] == ["mesh stiffness K_m0"]
+
+
 def test_orders_are_found_over_all_pairs_of_parts(own: Fit) -> None:
     (kinematic,) = [e for e in own.part.effects if e.name == "kinematic_error"]
     wanted, _ = truth()

@@ -100,8 +100,9 @@ def test_a_torque_that_is_made_of_the_current_is_repaired_with_it(
     log = read_log(path, torque_constant=0.1, repair=repair)
     np.testing.assert_allclose(log["motor_current"], times * current)
     np.testing.assert_allclose(log["motor_torque"], 0.1 * times * current)
-    inside = read_log(path, torque_constant=0.1, repair="drop_clipped=motor_torque:0.05")
-    np.testing.assert_array_equal(inside["motor_current"], current[np.abs(0.1 * current) < 0.05])
+    limit = float(0.1 * current[7])
+    inside = read_log(path, torque_constant=0.1, repair=f"drop_clipped=motor_torque:{limit!r}")
+    np.testing.assert_array_equal(inside["motor_current"], np.delete(current, 7))
 
 
 def test_repeated_rows_go_and_those_of_a_joint_at_rest_stay() -> None:

@@ -288,7 +288,7 @@ def _rows(made: Estimate) -> list[tuple[str, ...]]:
 def _sentences(made: Estimate) -> list[str]:
     """Contacts, what is flagged and in how many rows, then the notes."""
     said = []
-    if "contact" in made:
+    if "contact" in made and np.isfinite(made["contact"]).any():
         said.append(_contacts(made))
     return [*said, *_flagged(made, MEANING), *made.doubts, *made.notes]
 
@@ -304,7 +304,8 @@ def _flagged(made: Estimate, bits: Iterable[Status]) -> Iterator[str]:
 def _contacts(made: Estimate) -> str:
     found = made.contacts
     if not found:
-        return "no contact"
+        decided = int(np.count_nonzero(np.isfinite(made["contact"])))
+        return "no contact" + (f" in {decided} rows" if decided < len(made) else "")
     first = ", ".join(f"{start:.4g}–{end:.4g} s" for start, end in found[:MOST_CONTACTS])
     more = f" and {len(found) - MOST_CONTACTS} more" if len(found) > MOST_CONTACTS else ""
     return f"{len(found)} contact{'s' if len(found) > 1 else ''}: {first}{more}"

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Derived", "derived_of", "loop_warnings", "sign_warnings"]
 
 STEP = 1e-6  # relative: the central difference is good to 1e-9 of a smooth formula
+UNKNOWN = ("not determined", "at lower bound", "at upper bound")  # states without a known value
 ROUGH = 0.5  # relative error from which the first order says nothing
 
 
@@ -61,10 +62,10 @@ POSITIVE = tuple(
 def derived_of(fit: Fit) -> tuple[Derived, ...]:
     """Return the derived quantities of a fit's effects.
 
-    Left out are those that are not finite, that the data do not see, that get more than half of
-    their variance from directions in which coefficients are confounded, whose error is more than
-    half of their value, where the first order of the delta method no longer holds, and those of
-    effects of which each run has its own.
+    Left out are those that are not finite, that the data do not see, that depend on a shape which
+    is not determined or at its bound, that get more than half of their variance from directions in
+    which coefficients are confounded, whose error is more than half of their value, where the first
+    order of the delta method no longer holds, and those of effects of which each run has its own.
     """
     found = []
     ratio = effective_ratio(fit.model.facts)
@@ -79,9 +80,11 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
             if p.name.startswith(prefix)
         }
         values["ratio"] = np.nan if ratio is None else ratio
+        names = [p.name.removeprefix(prefix) for p in fit.parameters if p.state in UNKNOWN]
+        unknown = [name for name in names if name in effect.shapes]
         for formula in DERIVED.get(effect.name, ()):
             value = _value(formula, values)
-            if np.isfinite(value):
+            if np.isfinite(value) and not any(_moved_by(formula, values, name) for name in unknown):
                 error = _error(fit, prefix, formula, values)
                 if error > ROUGH * abs(value):
                     continue
@@ -123,6 +126,12 @@ def _value(formula: Formula, values: Mapping[str, float]) -> float:
         return float(formula.value(values))
     except ZeroDivisionError:
         return float("nan")
+
+
+def _moved_by(formula: Formula, values: Mapping[str, float], name: str) -> bool:
+    """Whether a formula depends on a parameter, of which only a placeholder is known."""
+    doubled = {**values, name: 2.0 * values.get(name, 0.0)}
+    return _value(formula, doubled) != _value(formula, values)
 
 
 def _error(fit: Fit, prefix: str, formula: Formula, values: Mapping[str, float]) -> float:

@@ -275,6 +275,8 @@ def python_call(fit: Fit) -> str:
     lines = [f"[{', '.join(effects)}]", "logs", repr(fit.target)]
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
+    if fit.part.carried is not None:
+        lines.append(f"into=model,  # which has {fit.part.carried.words}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
     orders = {e.name: orders_given(e) for e in fit.part.effects if e.harmonics}
@@ -291,7 +293,8 @@ def python_call(fit: Fit) -> str:
     options = _fit_options(fit) if fit.simulation is None else _motion_options(fit, fit.simulation)
     if options:
         lines.append(f"options=flexspline.{kind}({', '.join(options)})")
-    return f"fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+    ended = (line if "#" in line else f"{line}," for line in lines)
+    return f"fit = flexspline.{name}(\n" + "".join(f"    {line}\n" for line in ended) + ")"
 
 
 def bandwidth_given(bandwidth: float | None) -> list[str]:
