@@ -229,6 +229,31 @@ def test_nothing_hidden_is_down_at_the_noise_floor() -> None:
     assert abs(made.noise_floor - rig.NOISE) < 3.0 * made.overall.noise_floor_error
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_run_too_short_to_show_what_is_slow_is_not_said_to_be_noise(seed: int) -> None:
+    """Without its gravity, 2 Nm beside noise of 0.3, a slow run of 40 s has 70 independent rows."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(8000) / 200.0
+    at = [(0.5 / (1.0 + 3.0 * f), 2.0 * np.pi * f, rng.uniform(0.0, 2.0 * np.pi))
+          for f in (0.05, 0.11, 0.23, 0.37, 0.61, 0.83)]  # fmt: skip
+    q, v, a = (
+        sum(size * w**turn * np.sin(w * time + p + turn * np.pi / 2) for size, w, p in at)
+        for turn in range(3)
+    )
+    torque = 0.4 + 4.0 * np.tanh(v / 0.005) + 6.0 * v + 0.6 * a + 5.0 * np.sin(q)
+    log = Log.from_arrays(
+        time=time, output_position=q, output_velocity=v, output_acceleration=a,
+        motor_torque=(torque + 0.3 * rng.normal(size=8000)) / 80.0, facts={"gear_ratio": 80.0},
+    )  # fmt: skip
+    names = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
+    model = flexspline.fit(names, log, "motor_torque").model
+    made = flexspline.compare(model, log)
+    assert "down at the noise floor" not in made.sentences[0]
+    assert "noise floor of at most" in made.sentences[0] or not made.follows
+    assert "independent ones, too few" in made.sentences[1]
+    assert made.noise_floor > 1.0  # what it may be at most
+
+
 def test_clean_logs_under_coloured_noise_show_an_excess_as_rarely_as_stated() -> None:
     false = [
         seed

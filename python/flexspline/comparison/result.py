@@ -60,6 +60,10 @@ _ONCE["reversal_time"] = _ONCE["reversal_angle"]
 
 WORTH_SAYING = 0.1  # of what all explain together
 MOST = 3
+NOTHING = "No channel locates any of it."
+FEW = 16
+"""Independent rows of a band, of which fewer do not show a mean as large as their whole spread at a
+level of one in a thousand: Student's t exceeds the root of their number there."""
 MOST_IDLE = 7
 FAR = 2.0  # times the floor: a simulation that is off by more is not down at it
 UNEVEN = 2.0  # times that of half of the rows: the floor is then that of a few. At 1 the sentence
@@ -315,13 +319,29 @@ def sentences(made: Comparison) -> tuple[str, str]:
     if made.simulated and not made.follows and made.rmse > FAR * made.noise_floor:
         first = f"The gap {of} is {size} {made.unit} RMS; the measured one resolves {floor}."
         return first, "No channel locates it: it grows and shrinks with time, as drift does."
+    first, short = f"The gap {of} is {size} {made.unit} RMS", _too_short(made)
     if not made.follows:
-        first = f"The gap {of} is {size} {made.unit} RMS, which is down at the noise floor."
         idle = _and(made.makes_no_difference[:MOST_IDLE], "or")
-        unseen = f"Nothing in it is seen to follow {idle}."
-        return first, unseen if idle else "No channel locates any of it."
-    first = f"The gap {of} is {size} {made.unit} RMS against a noise floor of {floor} {made.unit}."
-    return first, _where(made)
+        unseen = f"Nothing in it is seen to follow {idle}." if idle else NOTHING
+        if short:
+            return f"{first}, and is noise or something slow.", f"{unseen} {short}"
+        return f"{first}, which is down at the noise floor.", unseen
+    most = "at most " if short else ""
+    first += f" against a noise floor of {most}{floor} {made.unit}."
+    return first, f"{_where(made)} {short}".strip()
+
+
+def _too_short(made: Comparison) -> str:
+    """Say where bands have too few independent rows to show that they are off."""
+    bands = max((len(each) for each in made.by.values()), default=1)
+    rows, independent = made.overall.rows, made.overall.effective_rows
+    if independent >= FEW * bands:
+        return ""
+    return (
+        f"With the memory that it has {rows} rows are worth {independent:.0f} independent ones, "
+        f"too few in each of {bands} bands to show one that is off: record longer runs, or ask "
+        "discover, which tries effects and smooth functions."
+    )
 
 
 def floor_sentence(made: Comparison) -> str:
