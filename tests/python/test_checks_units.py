@@ -183,12 +183,9 @@ def test_milliseconds_read_as_seconds_are_told_by_a_velocity_and_scaled_back() -
 
 def test_a_slow_recorder_that_resolves_no_motion_or_reads_none_is_sound() -> None:
     assert not check(in_milliseconds(("temperature",))).named("slow_clock")
-    time = np.arange(4_000.0)
-    for position in (
-        np.sin(3 * time),
-        np.zeros(4_000),
-        np.random.default_rng(1).normal(size=4_000),
-    ):
+    time, random = np.arange(4_000.0), np.random.default_rng(1).standard_normal(4_000)
+    poses = np.repeat(random[::100], 100) + 1e-5 * random
+    for position in (np.sin(3 * time), np.zeros(4_000), random, poses):
         log = Log({"time": time, "output_position": position})
         assert not check(log).named("slow_clock")
 

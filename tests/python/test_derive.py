@@ -194,7 +194,7 @@ def test_the_quantum_of_a_motion_at_one_speed_is_the_encoders_and_not_its_travel
     assert quantum(motion + 1e-5 * np.random.default_rng(5).standard_normal(8_000)) == 0.0
 
 
-@pytest.mark.parametrize("counts", [0.1, 0.97, 1.03, 3.5, 1 / 3])
+@pytest.mark.parametrize("counts", [0.1, 1 / 3, 0.6, 0.97, 1.03])
 def test_a_coarse_encoder_at_one_speed_shows_its_quantum(counts: float) -> None:
     """From 0.02 counts beside whole ones on; printed with 6 digits behind the point as well."""
     step = 2 * np.pi / 4096
