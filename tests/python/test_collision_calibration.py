@@ -203,9 +203,9 @@ def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
 def test_a_detector_watches_the_estimate_that_it_was_calibrated_on():
     effects = (effect("viscous_friction"), effect("inertia"))
     part = Part("motor_torque", effects, np.array([0.8, 0.3]))
-    model = Model({"drive": part}, {"gear_ratio": 100.0}).with_estimator(
-        Observer(20.0, "motor_torque")
-    )
+    sensor = Part("sensor_torque", (effect("inertia"),), np.array([0.0]))
+    parts = {"drive": part, "sensor": sensor}
+    model = Model(parts, {"gear_ratio": 100.0}).with_estimator(Observer(20.0, "motor_torque"))
     rng = np.random.default_rng(4)
     quiet = [
         log.with_columns({"sensor_torque": 0.5 * rng.standard_normal(len(log))}, note="sensor")

@@ -48,7 +48,7 @@ def own() -> Fit:
 
 def test_the_captions_of_a_torsion_speak_of_no_friction_and_of_no_sensor(own: Fit) -> None:
     said = " ".join(panel.look_for for panel in panels(own))
-    assert "hysteresis or backlash" in said and "wrong compliance" in said
+    assert "kinematic error" in said and "wrong compliance" in said
     for word in ("Coulomb", "viscous", "Stribeck", "gain", "sensor", "is drift"):
         assert word not in said, word
 

@@ -239,7 +239,7 @@ def test_the_wave_generator_is_silent_while_the_motor_is() -> None:
 def test_a_torsion_model_without_the_wave_generator_says_so_and_nothing_of_the_motor() -> None:
     model = rigs.model()
     mesh = only(model.part("torsion"), "mesh_compliance")
-    made = train(model, [rigs.rig(0).log], torsion_parts={"mesh": mesh}, methods=())
+    made = train(model, [rigs.rig(0).log], torsion_parts={"1": mesh}, methods=())
     said = " ".join(str(made).split())
     assert made.wave_generator_share == 0.0 and "silent" not in said
     assert "the torsion model has no wave_generator_compliance" in said

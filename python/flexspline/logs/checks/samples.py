@@ -46,8 +46,9 @@ and one of 200 Hz writes 5 s. Recorders of a joint's motion are not as slow as t
 
 RESOLVED = 2.0 * np.pi / 20.0
 """RMS of second over that of first differences of a position in a motion with 20 rows a period:
-2 sin(π / 20); noise has √3, a pose that changes within a row √2, however long it is held. A recorder of 200 Hz gives as many to any motion below 10 Hz; one of 1 Hz that were
-as slow indeed, to none with a period below 20 s."""
+2 sin(π / 20); noise has √3, a pose that changes within a row √2, however long it is held. A
+recorder of 200 Hz gives as many to any motion below 10 Hz; one of 1 Hz that were as slow indeed, to
+none with a period below 20 s."""
 
 STUCK_ROWS = 3
 """As many equal rows in a row are a stuck recorder; fewer are repeated rows, and fewer in the
