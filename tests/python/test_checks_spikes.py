@@ -13,6 +13,7 @@ import pytest
 from checks_logs import sound_log
 from scipy.signal import lfilter
 
+from flexspline import FitOptions
 from flexspline.logs import Log
 from flexspline.logs.checks import check
 from flexspline.logs.repairs import repaired
@@ -97,6 +98,8 @@ def test_a_spike_in_any_channel_of_a_sound_log_is_found_and_dropped(seed: int) -
         assert finding.rows == (min(rows), max(rows) + 1) and f"row {min(rows)}" in finding.sentence
         asked = f"drop_spikes={channel}"
         assert asked in finding.remedy and "--robust" in finding.remedy
+        assert 'FitOptions(robust="huber")' in finding.remedy
+        assert FitOptions(robust="huber").robust == "huber"
         left = repaired(spoilt, asked)
         assert np.array_equal(left["time"], np.delete(log["time"], rows))
         assert np.array_equal(repaired(spoilt, "drop_spikes")["time"], left["time"])

@@ -155,6 +155,41 @@ def warming(rows: int = 6_000) -> dict[str, np.ndarray]:
     }
 
 
+def in_milliseconds(channels: tuple[str, ...]) -> Log:
+    """Four seconds of some channels of a joint at 1 kHz whose time is said to be seconds."""
+    time = np.arange(4_000) / 1_000
+    made = {"time": 1_000 * time, "output_position": np.sin(3 * time)}
+    made["output_velocity"] = 3 * np.cos(3 * time)
+    made["temperature"] = 25 + time
+    return Log({name: made[name] for name in ("time", *channels)})
+
+
+def test_milliseconds_read_as_seconds_are_asked_about_without_a_velocity() -> None:
+    log = in_milliseconds(("output_position",))
+    (finding,) = check(log).named("slow_clock")
+    assert finding.severity == "note" and finding.size == pytest.approx(1.0)
+    assert "rows are 1 s apart" in finding.sentence and "milliseconds?" in finding.sentence
+    asked = "scale=time:0.001"
+    assert asked in finding.remedy and not check(repaired(log, asked)).named("slow_clock")
+
+
+def test_milliseconds_read_as_seconds_are_told_by_a_velocity_and_scaled_back() -> None:
+    log = in_milliseconds(("output_position", "output_velocity"))
+    (finding,) = check(log).named("velocity_unit")
+    assert finding.severity == "fault" and "time is in milliseconds" in finding.sentence
+    assert "scale=time:0.001 if time is wrong" in finding.remedy
+    assert not check(repaired(log, "scale=time:0.001")).faults
+
+
+def test_a_slow_recorder_that_resolves_no_motion_or_reads_none_is_sound() -> None:
+    assert not check(in_milliseconds(("temperature",))).named("slow_clock")
+    time, random = np.arange(4_000.0), np.random.default_rng(1).standard_normal(4_000)
+    poses = np.repeat(random[::100], 100) + 1e-5 * random
+    for position in (np.sin(3 * time), np.zeros(4_000), random, poses):
+        log = Log({"time": time, "output_position": position})
+        assert not check(log).named("slow_clock")
+
+
 @pytest.mark.parametrize("channel", ["temperature", "motor_temperature"])
 @pytest.mark.parametrize("value", [-3276.8, -999.0, -273.15, 850.0, 999.0, 3276.7, 6553.5, 65535.0])
 @pytest.mark.parametrize("count", [1, 10, 3_000])

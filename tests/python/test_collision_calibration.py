@@ -200,6 +200,40 @@ def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
         calibrate_detector(quiet, false_alarms_per_hour=20.0)
 
 
+def test_a_detector_watches_the_estimate_that_it_was_calibrated_on():
+    effects = (effect("viscous_friction"), effect("inertia"))
+    part = Part("motor_torque", effects, np.array([0.8, 0.3]))
+    sensor = Part("sensor_torque", (effect("inertia"),), np.array([0.0]))
+    parts = {"drive": part, "sensor": sensor}
+    model = Model(parts, {"gear_ratio": 100.0}).with_estimator(Observer(20.0, "motor_torque"))
+    rng = np.random.default_rng(4)
+    quiet = [
+        log.with_columns({"sensor_torque": 0.5 * rng.standard_normal(len(log))}, note="sensor")
+        for log in (pushed_joint(1), pushed_joint(2))
+    ]
+    detector = calibrate_detector(quiet, model=model, input="sensor", false_alarms_per_hour=20.0)
+    assert detector.collision().input == detector.collision(input="sensor").input == "sensor"
+    found = estimate(model.with_estimator(detector.collision()), quiet[0]).contacts
+    assert len(found) <= detector.alarms  # of both logs
+    with pytest.raises(InputError, match=r"of the sensor estimate and input is 'observer'; leave"):
+        detector.collision(input="observer")
+    watched = calibrate_detector(quiet, model=model, false_alarms_per_hour=20.0)
+    assert watched.collision().input == "observer"
+
+
+def test_of_residuals_that_are_given_the_estimate_may_be_said_early_or_late():
+    quiet = residual(noise("gauss", 0.1, np.random.default_rng(1)))
+    unsaid = calibrate_detector(quiet, false_alarms_per_hour=None)
+    assert unsaid.collision().input == "observer"
+    assert unsaid.collision(input="merged").input == "merged"
+    said = calibrate_detector(quiet, false_alarms_per_hour=None, input="merged")
+    assert said.collision().input == "merged"
+    with pytest.raises(InputError, match="merged estimate"):
+        said.collision(input="observer")
+    with pytest.raises(InputError, match="detector: input"):
+        calibrate_detector(quiet, false_alarms_per_hour=None, input="mergd")
+
+
 def test_the_margin_is_the_one_that_no_run_left_out_exceeds():
     runs = [residual(scale * np.sin(np.arange(1000.0))) for scale in (1.0, 2.0, 5.0)]
     assert left_out_margin(runs) == pytest.approx(2.5, rel=1e-3)

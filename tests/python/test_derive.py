@@ -182,6 +182,33 @@ def test_the_quantum_is_found_and_constant_speed_is_none() -> None:
     assert quantum(triangle + 1e-6 * rng.standard_normal(20_000)) == 0.0
 
 
+@pytest.mark.parametrize("bits", [17, 19, 22])
+@pytest.mark.parametrize("stroke", [None, 1.0, 7.3])
+def test_the_quantum_of_a_motion_at_one_speed_is_the_encoders_and_not_its_travel(
+    bits: int, stroke: float | None
+) -> None:
+    time, step = np.arange(8_000) / 200, 2 * np.pi / 2**bits
+    motion = 0.5 * (time if stroke is None else np.abs((time + stroke) % (2 * stroke) - stroke))
+    assert quantum(step * np.round(motion / step)) == pytest.approx(step, rel=1e-3)
+    assert quantum(motion) == 0.0
+    assert quantum(motion + 1e-5 * np.random.default_rng(5).standard_normal(8_000)) == 0.0
+
+
+@pytest.mark.parametrize("counts", [0.1, 1 / 3, 0.6, 0.97, 1.03])
+def test_a_coarse_encoder_at_one_speed_shows_its_quantum(counts: float) -> None:
+    """From 0.02 counts beside whole ones on; printed with 6 digits behind the point as well."""
+    step = 2 * np.pi / 4096
+    angle = step * np.round(counts * np.arange(8_000.0))
+    assert quantum(angle) == pytest.approx(step)
+    assert quantum(np.round(angle, 6)) == pytest.approx(step, rel=1e-3)
+
+
+def test_channels_that_hold_their_level_show_their_quantum() -> None:
+    time = np.arange(20_000) / 1000
+    assert quantum(np.round(25.0 + time / 10.0, 1)) == pytest.approx(0.1)
+    assert quantum(5.0 * np.floor(time / 2.0)) == pytest.approx(5.0)
+
+
 def test_white_noise_is_told_from_motion() -> None:
     rng = np.random.default_rng(4)
     time = np.arange(50_000) / 1000

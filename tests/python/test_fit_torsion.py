@@ -27,6 +27,7 @@ from flexspline import InputError, effect
 from flexspline.least_squares.problem import problem_of
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
+from flexspline.plot import panels
 
 SPRINGS = ["offset", "mesh_compliance", "wave_generator_compliance"]
 ALL = [*SPRINGS, "torsional_hysteresis", "kinematic_error"]
@@ -43,6 +44,13 @@ def own() -> Fit:
     effects, values = truth()
     logs = [own_rows(seed, effects, values) for seed in range(3)]
     return flexspline.fit(ALL, logs, "torsion", known_load=LOAD)
+
+
+def test_the_captions_of_a_torsion_speak_of_no_friction_and_of_no_sensor(own: Fit) -> None:
+    said = " ".join(panel.look_for for panel in panels(own))
+    assert "kinematic error" in said and "wrong compliance" in said
+    for word in ("Coulomb", "viscous", "Stribeck", "gain", "sensor", "is drift"):
+        assert word not in said, word
 
 
 def test_springs_shapes_and_loop_come_back_within_their_errors(own: Fit) -> None:

@@ -21,6 +21,7 @@ from flexspline.full_range.methods import (
     merge_weight,
     signals_of,
 )
+from flexspline.full_range.torsion_part import only
 from flexspline.logs.log import Log
 from flexspline.model import Model
 
@@ -233,6 +234,15 @@ def test_of_several_torsion_parts_the_best_when_merged_is_kept() -> None:
 def test_the_wave_generator_is_silent_while_the_motor_is() -> None:
     assert trained().wave_generator_share < 0.01
     assert "all but silent" in str(trained())
+
+
+def test_a_torsion_model_without_the_wave_generator_says_so_and_nothing_of_the_motor() -> None:
+    model = rigs.model()
+    mesh = only(model.part("torsion"), "mesh_compliance")
+    made = train(model, [rigs.rig(0).log], torsion_parts={"1": mesh}, methods=())
+    said = " ".join(str(made).split())
+    assert made.wave_generator_share == 0.0 and "silent" not in said
+    assert "the torsion model has no wave_generator_compliance" in said
 
 
 def test_structural_damping_finds_what_made_its_torque() -> None:

@@ -60,6 +60,8 @@ def test_a_channel_that_is_spelled_right_is_not_taken_for_a_slip() -> None:
         ({"duty": ["a", "b"]}, "'duty' holds something that is no number"),
         ({"duty": [[1], [2]]}, "'duty' has shape"),
         ({"time": []}, "no rows"),
+        ({"duty": np.array([1.0, 1j])}, "'duty' holds complex numbers; give real ones"),
+        ({"duty": [1.0, 1j]}, "'duty' holds complex numbers"),
     ],
 )
 def test_impossible_columns_are_refused(columns: dict[str, object], sentence: str) -> None:
@@ -77,6 +79,8 @@ def test_a_log_without_time_is_refused() -> None:
     [
         ({"gear_ratio": -1}, "gear_ratio is -1; give a positive number"),
         ({"gear_ratio": "big"}, "gear_ratio is 'big'"),
+        ({"gear_ratio": True}, "gear_ratio is True; give a positive number"),
+        ({"pole_pairs": np.True_}, "pole_pairs is .*True.*; give a positive"),
         ({"output_spline": "round"}, "give 'circular' or 'flex'"),
         ({"pole_pairs": 7.5}, "pole_pairs is 7.5; give a positive whole number"),
     ],

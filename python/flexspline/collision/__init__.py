@@ -92,7 +92,7 @@ def calibrate_detector(
     *,
     false_alarms_per_hour: float | None,
     model: Model | None = None,
-    input: str = "observer",
+    input: str | None = None,
     speed_edges: ArrayLike = (),
     confidence: float = 0.9,
     apart: float | None = None,
@@ -109,7 +109,9 @@ def calibrate_detector(
         estimate is then the residual.
     false_alarms_per_hour : of the whole detector, all joints, directions and bands together. None:
         the paper's rule, largest value times 1.18, which states no rate.
-    model, input : for logs: the model, and which of its estimates: "observer", "sensor", "merged".
+    model, input : for logs: the model, and which of its estimates: "observer" (by default),
+        "sensor", "merged" or "compliant_observer". `collision` of the result watches the same one;
+        of residuals that are given, `input` says which they are.
     speed_edges : rad/s, increasing, between the bands of |q̇|.
     confidence : two-sided, of the intervals; the upper end is what the thresholds rest on.
     apart : s; exceedances closer than this are one event; default: five times the lag at which
@@ -125,9 +127,11 @@ def calibrate_detector(
         Where there is no contact-free data, too little of it for the stated rate (fewer than 30
         separate exceedances in some band), or an option is impossible.
     """
-    watched = residuals_of(logs, model, input)
+    source = "observer" if input is None else input
+    choice(source, "detector: input", WATCHED)
+    given: list[Any] = list(logs) if isinstance(logs, (list, tuple)) else [logs]
+    watched = residuals_of(given, model, source)
     edges = speed_bands(speed_edges)
-    choice(input, "detector: input", WATCHED)
     _require_options(false_alarms_per_hour, confidence, margin, release, hold)
     gap = above_zero(_apart(watched) if apart is None else apart, "detector: apart", "s")
     seen = _Seen(watched, edges, gap)
@@ -148,6 +152,7 @@ def calibrate_detector(
         gap if hold is None else hold,
         watched[0].unit,
         tuple(each.name for each in watched),
+        input=input if all(isinstance(each, Residual) for each in given) else source,
     )
     made = replace(made, alarms=made.alarms_on(watched))
     return replace(made, warnings=tuple(_warnings(made)))

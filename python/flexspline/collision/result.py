@@ -283,6 +283,7 @@ class DetectorCalibration:
     runs : names of the logs.
     warnings : sentences on what the thresholds rest on.
     alarms : that this detector gives on these logs, of all joints.
+    input : which estimate the residuals are, as in `Collision`; None where that was not said.
     """
 
     thresholds: tuple[Threshold, ...]
@@ -297,6 +298,7 @@ class DetectorCalibration:
     runs: tuple[str, ...]
     warnings: tuple[str, ...] = ()
     alarms: int = 0
+    input: str | None = None
 
     @property
     def joints(self) -> int:
@@ -316,24 +318,32 @@ class DetectorCalibration:
         found = (t for t in self.thresholds if (t.joint, t.direction) == (joint, direction))
         return tuple(each.value for each in sorted(found, key=lambda t: t.band))
 
-    def collision(self, joint: int = 1, *, input: str = "observer") -> Collision:
+    def collision(self, joint: int = 1, *, input: str | None = None) -> Collision:
         """Return the estimator of one joint for `Model.with_estimator`.
 
         Parameters
         ----------
         joint : 1 to n.
-        input : "observer", "sensor" or "merged": what the residuals were.
+        input : which estimate the residuals were, where they were given without that being said:
+            "observer" (by default), "sensor", "merged" or "compliant_observer". Elsewhere the
+            calibration knows it.
 
         Raises
         ------
         InputError
-            Where there is no such joint, or the residuals were no torques.
+            Where there is no such joint, the residuals were no torques, or they were of another
+            estimate than `input`.
         """
         self._require(joint)
         if self.unit != "Nm":
             raise InputError(
                 f"the detector was calibrated on residuals in {self.unit}, the estimator collision "
                 "reads Nm; calibrate on torques or use detect"
+            )
+        if input is not None and self.input not in (None, input):
+            raise InputError(
+                f"detector: its thresholds are of the {self.input} estimate and input is "
+                f"{input!r}; leave input out, or calibrate with input={input!r}"
             )
         record = {
             "stated_rate_per_hour": self.stated_rate,
@@ -345,7 +355,7 @@ class DetectorCalibration:
             "thresholds": plain_json([asdict(t) for t in self.thresholds if t.joint == joint]),
         }
         return Collision(
-            input=input,
+            input=input or self.input or "observer",
             speed_edges=self.speed_edges,
             negative=self.values(joint, -1),
             positive=self.values(joint, 1),

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects.causes import WAVE_GENERATOR
 from flexspline.errors import InputError
 from flexspline.estimators import Merge
 from flexspline.formatting import blocks_text
@@ -86,7 +87,8 @@ class FullRange:
     training : the table of the training logs.
     settings : gain, margin, motion speed, rotor inertia.
     reference : channel of the true torque.
-    wave_generator_share : RMS of the wave generator's term over RMS of the mesh's torsion.
+    wave_generator_share : RMS of the wave generator's term over RMS of the mesh's torsion; zero
+        where the torsion part has no such term.
     warnings : sentences.
     """
 
@@ -207,12 +209,18 @@ class FullRange:
             f"{score.rule}."
         )
 
-    def _remarks(self) -> list[str]:
-        said = [
+    def _wave_generator(self) -> str:
+        """How much of the torsion its compliance makes, or that the model has none."""
+        if not any(one.name == WAVE_GENERATOR for one in self.model.part("torsion").effects):
+            return f"wave generator: the torsion model has no {WAVE_GENERATOR}"
+        return (
             f"wave generator: its term is {100 * self.wave_generator_share:.2g} % of the mesh's "
             "torsion (RMS) in the training logs"
             + (": the motor is all but silent" if self.wave_generator_share < 0.02 else "")
-        ]
+        )
+
+    def _remarks(self) -> list[str]:
+        said = [self._wave_generator()]
         if self.damping is not None:
             d = self.damping
             said.append(

@@ -304,6 +304,10 @@ def _readonly(name: str, data: ArrayLike, label: str) -> NDArray[np.float64]:
             f"{label}: '{name}' is no channel of a log{did_you_mean(name, CHANNELS)}; "
             f"the channels are {listed(CHANNELS)}"
         )
+    if np.iscomplexobj(data):  # astype would leave out the imaginary part
+        raise InputError(
+            f"{label}: channel '{name}' holds complex numbers; give real ones, as measured"
+        )
     try:
         array = np.asarray(data)
         values = array.astype(np.float64, copy=False)
@@ -423,8 +427,9 @@ def _checked(key: str, value: Any, label: str) -> Fact:
 
 
 def _positive(key: str, value: Any, label: str, most: float) -> float:
+    truth = isinstance(value, bool | np.bool_)  # which float would take for 1 or 0
     try:
-        number = float(value)
+        number = math.nan if truth else float(value)
     except (TypeError, ValueError):
         number = math.nan
     except OverflowError:

@@ -91,6 +91,19 @@ LOOK_FOR = {
     "true curve with 95 %.",
 }
 
+OF_TORSION = {
+    "output_position": "The median should lie on zero at every angle. Waves are kinematic error "
+    "that the model lacks; one period a turn is eccentricity, or gravity that the load leaves out.",
+    "output_velocity": "The median should lie on zero at every speed. A step at zero is hysteresis "
+    "or backlash that the model lacks, a slope one encoder that is late against the other.",
+    "temperature": "The median should lie on zero at every temperature. A slope is an angle that "
+    "drifts, a band that widens a stiffness that changes with temperature.",
+    "load": "The median should lie on zero at every load. A slope is a wrong compliance, a bend "
+    "stiffness that changes with the load, a step at zero backlash, two branches hysteresis.",
+}
+"""What to look for where the target is the torsion: an angle, which friction and the sensor's gain
+make nothing of."""
+
 Array = NDArray[np.float64]
 
 _WORDS = {"output_position": "output angle", "motor_position": "motor angle"}
@@ -117,6 +130,7 @@ def plot_fit(fit: Fit) -> Figure:
 
 def panels(fit: Fit) -> list[Panel]:
     """Return the views that the channels of the runs allow."""
+    look_for = LOOK_FOR | (OF_TORSION if fit.target == "torsion" else {})
     found = [
         *_motion(fit),
         Panel(partial(measured_against_predicted, fit), LOOK_FOR["predicted"]),
@@ -124,10 +138,10 @@ def panels(fit: Fit) -> list[Panel]:
     ]
     for channel in ("output_position", "output_velocity", "temperature"):
         if has_channel(fit, channel):
-            found.append(Panel(partial(residual_over, fit, channel), LOOK_FOR[channel]))
+            found.append(Panel(partial(residual_over, fit, channel), look_for[channel]))
     load = fit.part.known_load or REFERENCE
     if has_channel(fit, load):
-        found.append(Panel(partial(residual_over, fit, load), LOOK_FOR["load"]))
+        found.append(Panel(partial(residual_over, fit, load), look_for["load"]))
     if fit.part.effects:
         found.append(Panel(partial(components, fit, "time"), LOOK_FOR["components"]))
         if all("output_velocity" in run.log for run in fit.runs):

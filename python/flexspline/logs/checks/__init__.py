@@ -42,6 +42,7 @@ from flexspline.logs.checks.samples import (
     not_finite,
     quantised,
     repeated_rows,
+    slow_clock,
     spiked,
     time_order,
     unsigned,
@@ -73,6 +74,7 @@ __all__ = [
 ALWAYS = (no_channels, not_finite, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
 CHECKS = (
+    slow_clock,
     dropped_samples,
     repeated_rows,
     constant,

@@ -286,6 +286,8 @@ def _wrong_velocity(log: Log, channel: str, size: float, *, of_position: bool) -
     if of_position and said.position:
         readings.append(f"{position} {said.position}")
     other = f", or scale={position}:{size:.6g} if {position} is wrong" if of_position else ""
+    if said.time:
+        other += f", or scale=time:{0.001 if size > 1.0 else 1000} if time is wrong"
     beside = "" if of_position else ", which the other side of the gear confirms"
     why = ", or ".join(readings) or "scale or sampling rate is wrong"
     return Finding(

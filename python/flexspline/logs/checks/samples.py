@@ -40,6 +40,16 @@ LEFT_OUT = re.compile(
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
 
+SLOW = 0.5
+"""s from row to row, from which time may be in milliseconds: what a recorder of 2 kHz writes then,
+and one of 200 Hz writes 5 s. Recorders of a joint's motion are not as slow as this."""
+
+RESOLVED = 2.0 * np.pi / 20.0
+"""RMS of second over that of first differences of a position in a motion with 20 rows a period:
+2 sin(π / 20); noise has √3, a pose that changes within a row √2, however long it is held. A
+recorder of 200 Hz gives as many to any motion below 10 Hz; one of 1 Hz that were as slow indeed, to
+none with a period below 20 s."""
+
 STUCK_ROWS = 3
 """As many equal rows in a row are a stuck recorder; fewer are repeated rows, and fewer in the
 whole log are chance."""
@@ -170,6 +180,39 @@ def time_order(log: Log) -> Iterator[Finding]:
             f"the time of the row before is repeated in {_rows(same.size)}, first row {same[0]}.",
             "Ask for the repair drop_duplicates.",
         )
+
+
+def slow_clock(log: Log) -> Iterator[Finding]:
+    """Rows so far apart in time that it may be in milliseconds, of a motion that they resolve.
+
+    A velocity tells for sure, by a factor of 1000 (`velocity_of_position`); elsewhere a slow joint
+    cannot be told from a fast one, so that this is a note.
+    """
+    step = median_step(log["time"])
+    moves = [name for name in POSITIONS[:2] if name in log and _resolved(unwrapped(log, name))]
+    if step < SLOW or not moves:
+        return
+    yield Finding(
+        "slow_clock",
+        "note",
+        "time",
+        (0, len(log)),
+        step,
+        "s",
+        f"rows are {step:.4g} s apart, and {moves[0]} goes smoothly from one to the next: is the "
+        "time in milliseconds?",
+        'If so, read it with the unit "ms", or ask for the repair scale=time:0.001; velocity, '
+        "viscous friction and inertia are wrong by powers of 1000 without it.",
+    )
+
+
+def _resolved(position: Array) -> bool:
+    """Whether a position moves, and by steps that change little from row to row."""
+    known = position[np.isfinite(position)]
+    if len(np.unique(known)) <= LEVELS:
+        return False
+    first, second = (float(np.sqrt(np.mean(np.diff(known, n=n) ** 2))) for n in (1, 2))
+    return second <= RESOLVED * first
 
 
 def dropped_samples(log: Log) -> Iterator[Finding]:
@@ -414,7 +457,8 @@ def spiked(log: Log) -> Iterator[Finding]:
             f"{channel} leaps in {_counted(rows.size, 'single row')}, first to "
             f"{values[first]:.4g} {unit} in row {first} between {values[first - 1]:.4g} and "
             f"{values[last + 1]:.4g}: no joint is as fast, what reads or sends it fails.",
-            f"Ask for the repair drop_spikes={channel}, or fit with --robust (robust=True).",
+            f"Ask for the repair drop_spikes={channel}, or fit with --robust "
+            '(FitOptions(robust="huber")).',
         )
 
 
