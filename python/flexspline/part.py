@@ -41,7 +41,7 @@ class Part:
     coefficients : (P,), in the order of the effects' terms, units of the target.
     known_load : channel that holds τ_load, or None.
     record : what the fit knew beside the values: parameters with errors, confounded groups,
-        validity, scores, logs. Kept as it is through a round trip.
+        validity, the target's range, scores, logs. Kept as it is through a round trip.
     simulated : the foreign simulation that the effects correct, or None: they explain y alone.
     """
 

@@ -182,9 +182,14 @@ def test_a_fit_with_filters_is_saved_loaded_estimated_and_exported_alike(tmp_pat
     holed[1804] += 0.1  # rad in 2 ms
     unread = ("output_velocity", "output_acceleration", "sensor_voltage", "sensor_torque")
     bare = chain_rig.without(log, *unread)
-    bare = bare.with_columns({"output_position": holed}, note="angles missing")
+    absurd = bare["motor_torque"].copy()
+    absurd[2500] = 9e5  # Nm, for which the limit follows from the torque in the fit
+    bare = bare.with_columns(
+        {"output_position": holed, "motor_torque": absurd}, note="angles missing, a torque absurd"
+    )
     assert_same_bits(model, bare, program)
     made = flexspline.estimate(model, bare)
+    assert np.flatnonzero(made.flagged(Status.MOTOR_FAULT)).tolist() == [2500]
     assert made.flagged(Status.SPEED_FAULT).sum() == 2
     assert made.flagged(Status.NO_VELOCITY).sum() == 28 + 10 + 90 + 28 + 258 + 3
 

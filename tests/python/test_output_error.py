@@ -112,6 +112,14 @@ def test_the_saved_model_and_law_move_as_the_fit_says(tmp_path):
     assert len(model.part().record["simulation"]["starts"]) == 2
 
 
+def test_the_range_of_the_torque_is_that_of_the_law_as_it_was_fitted():
+    fit = wrong_start()
+    servo = fit.simulation.controller
+    torque = [with_servo_torque(log, servo, "motor_torque")["motor_torque"] for log in runs()]
+    ends = [min(t.min() for t in torque), max(t.max() for t in torque)]
+    assert fit.part.record["target_range"] == pytest.approx(ends, rel=1e-12)
+
+
 def test_measured_torque_drives_where_there_is_no_law():
     fit = open_loop()
     assert fit.simulation.controller is None and fit.simulation.folds_by == "blocks"

@@ -10,7 +10,8 @@
 ///   velocity, acceleration, torques, bridge   exported with the model: a multiple of the largest
 ///                                             in the logs of the fit, not above the values below
 ///                                             (python/flexspline/estimation/plan.py: which
-///                                             multiple, and why)
+///                                             multiple, and why); the values below where the
+///                                             model does not know the largest
 ///   temperature, thermistor, time             the values below, for what was seen of them in a log
 ///                                             says little of what a device will see
 ///   angles                                    2^30 turns, beyond which they saturate, and no less:

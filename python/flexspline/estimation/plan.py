@@ -11,10 +11,11 @@ neither log nor model has them.
 
 A device's readings that are too large count as missing (reading_limits.hpp). A limit is `FACTOR`
 times the largest magnitude that the parts which read the channel were fitted to, and at least
-`LEAST`, for a channel may have been at rest in the logs of the fit. It is the same either way: a
-joint that turned or was loaded one way in its logs may go the other. Limits are for what is no
-physical quantity; that a model extrapolates is told by other flags, and what your own joint may do
-is said by `ReadingChecks`.
+`LEAST`, for a channel may have been at rest in the logs of the fit. The torques of motor and sensor
+are read by the chain itself: theirs is that of the target of the part for them, as recorded. A
+limit is the same either way: a joint that turned or was loaded one way in its logs may go the
+other. Limits are for what is no physical quantity; that a model extrapolates is told by other
+flags, and what your own joint may do is said by `ReadingChecks`.
 
 Without a range in the model, for a temperature, a thermistor's voltage and the time, the limit is
 the core's: what no joint has. Angles have none but the turns that an integer holds.
@@ -23,7 +24,7 @@ the core's: what no joint has. Angles have none but the turns that an integer ho
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -104,6 +105,7 @@ LEAST: Mapping[str, float] = {
     "output_velocity": 30.0,
     "output_acceleration": 3e4,
     "motor_torque": 10.0,
+    "sensor_torque": 1000.0,
     "load": 1000.0,
 }
 
@@ -524,13 +526,20 @@ def joint_limits(plan: Plan) -> dict[str, float | None]:
 
 
 def _limit(name: str, parts: Sequence[Part]) -> float:
-    """The limit of a channel, by the parts that read it and know its range."""
-    ranges = [
-        part.record.get("validity", {}).get("known_load" if name == "load" else name)
-        for part in parts
-        if name in LEAST and any(name in effect.reads for effect in part.effects)
-    ]
-    return _widened(name, [end for ends in ranges if ends is not None for end in ends])
+    """The limit of a channel, by the parts that read it or predict it, and know its range."""
+    ranges = _ranges(name, parts) if name in LEAST else ()
+    return _widened(name, [end for ends in ranges for end in ends])
+
+
+def _ranges(name: str, parts: Sequence[Part]) -> Iterator[Sequence[float]]:
+    """What parts know of a channel: as an input of their effects, and as their target."""
+    for part in parts:
+        inputs = part.record.get("validity", {})
+        channel = "known_load" if name == "load" else name
+        if channel in inputs and any(name in effect.reads for effect in part.effects):
+            yield inputs[channel]
+        if name == part.target and "target_range" in part.record:
+            yield part.record["target_range"]
 
 
 def _widened(name: str, ends: Sequence[Any]) -> float:

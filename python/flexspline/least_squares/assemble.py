@@ -52,7 +52,13 @@ from flexspline.least_squares.per_run_terms import (
     own_warnings,
     with_own,
 )
-from flexspline.least_squares.problem import Problem, Run, columns_of, memory_warnings
+from flexspline.least_squares.problem import (
+    Problem,
+    Run,
+    columns_of,
+    memory_warnings,
+    target_range,
+)
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.ripple import late_ripple_warnings
 from flexspline.least_squares.shapes import Tangent, filtered
@@ -522,6 +528,7 @@ def _record(
             ]
             for name in channels
         },
+        **target_range(problem),
         "logs": [
             {
                 "name": run.log.name,

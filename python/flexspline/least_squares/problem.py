@@ -67,6 +67,7 @@ __all__ = [
     "problem_of",
     "resolved_rows",
     "settled",
+    "target_range",
     "with_fastest",
 ]
 
@@ -430,6 +431,17 @@ def problem_of(
         preparations=tuple(preparations), simulated=simulated, carried=carried,
     )  # fmt: skip
     return settled(problem, effects)
+
+
+def target_range(problem: Problem) -> dict[str, list[float]]:
+    """Return the range of the target's own channel, as a device reads it; none for a torsion.
+
+    A torque of the motor is that at its shaft; no load or simulation is taken off, as y has it.
+    """
+    read = [run.log[problem.target] for run in problem.runs if problem.target in run.log]
+    if not read:
+        return {}
+    return {"target_range": [min(float(t.min()) for t in read), max(float(t.max()) for t in read)]}
 
 
 @lru_cache(maxsize=256)  # a search asks for the same ones each time that it solves

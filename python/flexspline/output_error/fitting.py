@@ -40,7 +40,7 @@ from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward import DriveInputs, drive_inputs, require_no_delay
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions, MotionOptions, bounds_of
-from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.problem import problem_of, target_range
 from flexspline.least_squares.result import (
     Fit,
     FittedRun,
@@ -197,6 +197,7 @@ def assembled(
     scores = scores_of(problem, residuals, [run.held_out for run in runs])
     kept = {
         **regression.part.record,
+        **target_range(problem),  # of a servo, by the law as it was fitted
         "parameters": [p.to_json() for p in parameters],
         "covariance": {
             "names": [one.name for one in cost.space.searched],
