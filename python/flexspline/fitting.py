@@ -144,6 +144,7 @@ def fit(
         simulated=simulated,
         carried=carried,
         taken_out={"centred": centred, "projected": projected},
+        together=True,
     )
 
     def again(problem: Problem, made: Estimate) -> Estimate:
@@ -177,6 +178,7 @@ def posing(
     simulated: Simulated | None = None,
     carried: Carried | None = None,
     taken_out: Mapping[str, Any] | None = None,
+    together: bool = False,
 ) -> tuple[dict[str, ChannelNoise], Callable[[Sequence[Effect]], Problem]]:
     """Make runs ready for a fit: what a fit does before it has rows, and nothing after.
 
@@ -185,6 +187,8 @@ def posing(
     effects : as they are asked for; which rows count depends on what they read.
     own, simulated, carried : as `problem_of` takes them.
     taken_out : `centred` and `projected` of the problem.
+    together : whether these are all runs of the fit, so that an acceleration that noise makes all
+        of in each of them is zero: they do not excite what reads it.
 
     Returns
     -------
@@ -196,11 +200,14 @@ def posing(
         As `problem_of`, and for a bandwidth that does not suit the runs.
     """
     from flexspline.least_squares.problem import problem_of
-    from flexspline.prepared import learned, prepared
+    from flexspline.prepared import ACCELERATION, learned, prepared, without_noise_alone
 
     noise, ways = learned(runs, target, known_load, how.bandwidth)
     ways = _read_by(effects, known_load, ways)
     fine = [prepared(log, ways) for log in runs]
+    if together and any(ACCELERATION in effect.reads for effect in effects):
+        fine, zero = without_noise_alone(runs, fine, ways)
+        ways = tuple(way for way in ways if not (zero and way.channel == ACCELERATION))
 
     def posed_on(
         inputs: Sequence[Log], these: Sequence[Effect], rows: Sequence[NDArray[np.bool_]] | None

@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexspline.errors import InputError, number
-from flexspline.logs.channel_noise import ChannelNoise, channel_noise
+from flexspline.logs.channel_noise import ChannelNoise, channel_noise, is_only_noise
 from flexspline.logs.checks.consistency import is_delay, velocity_delay
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
@@ -37,6 +37,7 @@ __all__ = [
     "preparations_for",
     "preparations_of",
     "prepared",
+    "without_noise_alone",
 ]
 
 POSITION, VELOCITY, ACCELERATION = (
@@ -151,6 +152,32 @@ def prepared(log: Log, preparations: Iterable[Preparation]) -> Log:
         made.clear()  # the last ones that were asked for: a log is prepared in one way at a time
         made[ways] = whole
     return made[ways]
+
+
+def without_noise_alone(
+    runs: Sequence[Log], made: Sequence[Log], ways: Sequence[Preparation]
+) -> tuple[list[Log], bool]:
+    """Return logs with an acceleration of zero where no run shows one, and whether that is so.
+
+    What one expects of an acceleration that noise makes all of is zero. A run among others whose
+    acceleration shows keeps its own.
+
+    Parameters
+    ----------
+    runs : as recorded.
+    made : the same with their channels made in these ways.
+    """
+    source = next((way.source for way in ways if way.channel == ACCELERATION), POSITION)
+    recorded = all(way.channel != ACCELERATION for way in ways)
+    order = 2 if source == POSITION else 1
+    for log in runs:
+        if source not in log or (recorded and ACCELERATION in log):
+            return [*made], False
+        if not is_only_noise(log, source, order):
+            return [*made], False
+    note = f"{ACCELERATION} taken as zero: noise and rounding of {source} make all of it"
+    zeros = [{ACCELERATION: np.zeros(len(log))} for log in made]
+    return [log.with_columns(zero, note=note) for log, zero in zip(made, zeros, strict=True)], True
 
 
 _MADE: WeakKeyDictionary[Log, dict[tuple[Preparation, ...], Log]] = WeakKeyDictionary()

@@ -22,6 +22,7 @@ from scipy.optimize import lsq_linear
 
 from flexspline import effect
 from flexspline.effects import CATALOGUE
+from flexspline.formatting import plus_minus
 
 SIGMA = 0.05
 
@@ -131,6 +132,26 @@ def test_a_prior_in_white_noise_gives_the_gaussian_posterior(error):
     assert known == pytest.approx(spread, rel=0.1)
     truly, _ = exact_posterior(log, 3, 0.022, error, SIGMA**2)
     assert np.abs(fit.part.coefficients - truly).max() < 0.2 * spread.max()
+
+
+@pytest.mark.parametrize("error", [1e-6, 1e-3, 0.02])
+def test_a_prior_that_the_data_contradict_is_warned_of_with_what_they_say_alone(error):
+    log = log_of(3)
+    alone = fitted(friction(), log)["inertia"]
+    away = alone.value + 20.0 * np.hypot(error, alone.standard_error)
+    (said,) = fitted(friction(), log, priors={"inertia": (away, error)}).warnings
+    assert said.startswith("the prior of inertia, ") and "contradicts the data" in said
+    assert plus_minus(alone.value, alone.standard_error) in said
+    apart = float(said.split(": ")[1].split(" standard errors")[0])
+    assert apart == pytest.approx(20.0, rel=0.05)
+
+
+@pytest.mark.parametrize("away", [-2.5, 0.0, 2.5])
+def test_a_prior_within_three_standard_errors_of_the_data_is_not_warned_of(away):
+    log = log_of(3)
+    alone = fitted(friction(), log)["inertia"]
+    value = alone.value + away * np.hypot(0.01, alone.standard_error)
+    assert not fitted(friction(), log, priors={"inertia": (value, 0.01)}).warnings
 
 
 def test_a_loose_prior_changes_nothing_and_a_tight_one_pins():

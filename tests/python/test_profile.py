@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from functools import cache
 
@@ -267,3 +268,14 @@ def test_the_95_percent_profile_covers_the_truth_as_often_as_that():
     # two thirds as long, or half as long again, fail
     low, high = chi2.interval(0.99, draws)
     assert low <= sum(at_truth) <= high
+
+
+def test_a_profile_of_a_coefficient_of_thousands_warns_of_no_overflow():
+    """Coordinates far from an estimate are thousands, whose exponential no double holds."""
+    log = log_of(0)
+    large = log.with_columns({"sensor_torque": 1e6 * log["sensor_torque"]}, note="in µNm")
+    fit = flexspline.fit(NAMES[:3], large, "sensor_torque", fixed={"direction_width": WIDTH})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        low, high = fit.profile("offset").interval
+    assert low < fit["offset"].value < high

@@ -30,6 +30,7 @@ from scipy.stats import chi2
 
 from flexspline.effects import Effect, unit_in
 from flexspline.errors import InputError
+from flexspline.formatting import plus_minus, short, short_names
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import (
     Estimate,
@@ -77,6 +78,8 @@ BOUND = {-1: "at lower bound", 0: "fitted", 1: "at upper bound"}
 LOOSE = 1.0  # a shape whose error is larger than itself is not determined
 
 MOST_ROWS = 1_000_000  # above, what slow noise costs a fit is little
+CONTRADICTED = 3.0  # standard errors: by chance one right prior of 370 is as far from its data
+LEFT_BY_PRIOR = 1e-6  # share of an estimate that is not its prior's, from which the rest is known
 APART = 0.01  # share of right models that the test holds for wrong
 WORSE = 1.03  # times the plain fit's error on held-out rows at most; in slow noise both vary
 ADDED = 0.3  # of a direction's variance, that it may seem to add: what starts a filter is lost
@@ -560,4 +563,35 @@ def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
     said += memory_warnings(made.tangent.problem, made.linear.effects)
     for name in made.searched.flat:
         said.append(f"{name} changes nothing in these runs and keeps its value")
-    return said
+    return [*said, *_prior_warnings(made, uncertainty)]
+
+
+def _prior_warnings(made: Estimate, uncertainty: Uncertainty) -> Iterator[str]:
+    """Say which priors the data contradict, each against the data and all other priors.
+
+    With N the normal equations and k_j what prior j adds to N_jj, an estimate is the mean of the
+    prior p ± s and of what the rest says, d ± e, of weights w = k_j (N⁻¹)_jj and 1 − w:
+
+        b_j = w p + (1 − w) d,    var b_j = w² s² + (1 − w)² e²
+    """
+    weighed = np.sum(made.prior_rows**2, axis=0)
+    errors = uncertainty.standard_errors
+    for at, number in enumerate(made.fitted):
+        prior, error = made.constraints.prior[number], made.constraints.prior_error[number]
+        weight = float(weighed[at] * (made.basis[at] @ made.basis[at]))
+        if not np.isfinite(prior) or not 1.0 - weight > LEFT_BY_PRIOR:
+            continue
+        value = float(made.linear.coefficients[number] - weight * prior) / (1.0 - weight)
+        variance = float(errors[at] ** 2 - (weight * error) ** 2) / (1.0 - weight) ** 2
+        if not variance > 0.0:
+            continue
+        apart = abs(value - prior) / np.hypot(np.sqrt(variance), error)
+        if apart > CONTRADICTED:
+            unit = _units(made.tangent.problem, made)[number]
+            given = f"{plus_minus(float(prior), float(error))} {unit}".rstrip()
+            told = f"{plus_minus(value, float(np.sqrt(variance)))} {unit}".rstrip()
+            yield (
+                f"the prior of {short_names(made.names[number])}, {given}, contradicts the data, "
+                f"which without it give {told}: {short(float(apart))} standard errors apart; "
+                "correct the prior, or give it a larger error"
+            )

@@ -221,8 +221,16 @@ class _Search:
         def bend(found: LinearFit, shapes: Sequence[ShapeParameter]) -> Bent:
             return bent(self.problem, found, self.constraints, shapes, weights)
 
+        rows = float(max(1, sum(run.counted for run in self.problem.runs)))
         return fit_shapes(
-            self.effects, self.free, solve, self.limits, bend, self.tick, near=self.near
+            self.effects,
+            self.free,
+            solve,
+            self.limits,
+            bend,
+            self.tick,
+            near=self.near,
+            rows=rows,
         )
 
     def run_robust(self, variance: float) -> tuple[ShapeFit, list[Array] | None]:

@@ -134,11 +134,12 @@ def _near(
     if not weak.any():
         return nothing
     variance = (right.T / singular) ** 2
-    share = variance[:, weak].sum(axis=1) / np.maximum(variance.sum(axis=1), 1e-300)
-    member = share > SHARE
+    whole = np.maximum(variance.sum(axis=1), 1e-300)
+    share = variance[:, weak].sum(axis=1) / whole
+    member = (share > SHARE) & scaled.any(axis=0)  # a column of zeros has a part in no dependency
     errors = errors_of(np.eye(len(coefficients)))
     directions = np.where(member[:, None], right[weak].T, 0.0)
-    touched = (variance[:, weak] / variance.sum(axis=1)[:, None] > TOUCHED) & member[:, None]
+    touched = (variance[:, weak] / whole[:, None] > TOUCHED) & member[:, None]
     kept = []
     for members, columns in _grouped(touched):
         worst = index[weak][columns].max()

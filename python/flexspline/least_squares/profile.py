@@ -313,7 +313,8 @@ class _Search:
     def values(self, coordinates: Array) -> Array:
         """Values of the parameters at coordinates."""
         moved = self._scale * coordinates
-        values = np.where(self._shape, self._sizes * np.exp(moved), self._sizes + moved)
+        grown = self._sizes * np.exp(np.where(self._shape, moved, 0.0))  # a coefficient may be 1e9
+        values = np.where(self._shape, grown, self._sizes + moved)
         ends = [p.bounds or (None, None) for p in self.parameters]
         low, high = np.array(ends, dtype=np.float64).T  # NaN where a side is open
         return np.asarray(np.fmin(np.fmax(values, low), high))

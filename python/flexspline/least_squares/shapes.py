@@ -178,6 +178,7 @@ def fit_shapes(
     tick: Callable[[], object] = lambda: None,
     *,
     near: bool = False,
+    rows: float = np.inf,
 ) -> ShapeFit:
     """Find the shapes of least squares within their bounds.
 
@@ -190,14 +191,17 @@ def fit_shapes(
     bend : how a fit bends with shapes.
     tick : called after each linear fit, for progress.
     near : whether the shapes that `effects` have lie in the right valley: no grid is scanned.
+    rows : that count. A shape at whose every value the squares are within their mean of a row is
+        not determined, for all of its range is within one standard error of white noise.
     """
+    level = max(FLAT, 1.0 / rows)
     search = _Search(list(shapes), tuple(effects), solve, tick)
     point = np.log([shape.value(effects) for shape in shapes])
     if not len(shapes):
         return ShapeFit(search.at(point), {}, (), 1)
     limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
     point = np.clip(point, limits[:, 0], limits[:, 1])
-    starts, flat = _here(search, point, bend) if near else _grid(search, point, limits)
+    starts, flat = _here(search, point, bend) if near else _grid(search, point, limits, level)
     active = [i for i in range(len(shapes)) if i not in flat]
     kinked = [i for i in active if _kinked(shapes[i], effects)]
     if near or not kinked:
@@ -228,7 +232,9 @@ def _here(search: _Search, point: Array, bend: Bend) -> tuple[list[Array], list[
     return [point], np.flatnonzero(np.diag(bent.products) <= FLAT * squares).tolist()
 
 
-def _grid(search: _Search, point: Array, limits: Array) -> tuple[list[Array], list[int]]:
+def _grid(
+    search: _Search, point: Array, limits: Array, level: float
+) -> tuple[list[Array], list[int]]:
     """Best points of a scan along each shape in turn, twice, and the shapes without an effect."""
     flat: list[int] = []
     bottoms: list[Array] = []
@@ -239,10 +245,12 @@ def _grid(search: _Search, point: Array, limits: Array) -> tuple[list[Array], li
             trials = [np.where(np.arange(len(point)) == axis, value, point) for value in scan]
             squares = np.array([search(trial) for trial in trials])
             here = search(point)
+            if squares.max() <= squares.min() * (1.0 + level) and (turn == 0 or axis in flat):
+                flat = [*flat, axis] if turn == 0 else flat
+                continue
+            flat = [other for other in flat if other != axis]  # beside others that have moved
             bottoms += [trials[i] for i in _minima(squares)]
             if here <= squares.min() * (1.0 + FLAT):
-                if turn == 0 and squares.max() <= squares.min() * (1.0 + FLAT):
-                    flat.append(axis)
                 continue
             point = trials[int(np.argmin(squares))]
     others = [trial for trial in sorted(bottoms, key=search) if not np.array_equal(trial, point)]

@@ -11,6 +11,16 @@ one whose response G loses and lets pass the least,
 
 which is where a Wiener filter, S / (S + N), would end too.
 
+A derivative that noise and rounding make all of is no regressor: what the recording lets one expect
+of it is zero. Behind a smoother with -3 dB at B white noise of RMS n at a period T becomes, in the
+derivative of order k,
+
+    n² 2 T (2π)^2k I_k B^(2k+1),    I_k = ∫ f^2k G² df of B = 1 Hz
+
+and its mean square over t seconds has 2 t B c_k degrees of freedom, c_k = I_k² / ∫ f^4k G⁴ df.
+Quantisation of a slow or an even motion is not white: whatever its spectrum, an error of RMS e
+becomes no more than e · max (2πf)^k G = e m_k B^k.
+
 Spectra are averaged over segments [Welch1967] of the second differences, whose own spectrum is
 flat enough for no leakage to hide the floor, and divided by the gain of these differences.
 """
@@ -24,12 +34,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.local_fit import response
+from flexspline.logs.local_fit import WIDEST, LocalFit, response
 from flexspline.logs.log import Log
-from flexspline.logs.quantisation import quantum
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, runs
 
-__all__ = ["ChannelNoise", "channel_noise"]
+__all__ = ["ChannelNoise", "channel_noise", "is_only_noise"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +50,11 @@ DIFFERENCES = 2
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
 HIGHEST, WIDTHS = 0.24, 60  # of the rate, what a smoother of a few rows can do; how many are tried
+PASSED = {1: (0.48118, 1.3331, 4.4526), 2: (0.55392, 1.2815, 30.762)}  # I_k, c_k, m_k, by k
+WINDOWS = 8.0  # half lengths of a smoother, about, in the longest run: wider ones see no change
+SIGNIFICANT = 3.0  # standard errors of a mean square, from which it is more than noise
+ROUNDED = 1e-12  # of a channel's size: 40 bits, which no instrument has; a smoother rounds by less
+OFF_LATTICE = 0.05  # of a step, as `quantum` takes it
 NEGLIGIBLE = 1e-7  # noise over the spread of a channel: what a file of eight digits has itself
 
 
@@ -188,3 +203,71 @@ def _middle(values: Array) -> float:
     """Median of finite values: NumPy's takes ten times as long for so few."""
     ordered = np.sort(values)
     return float(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))
+
+
+def is_only_noise(log: Log, channel: str, derivative: int) -> bool:
+    """Whether noise and rounding of a channel make all of its derivative, whatever the smoother.
+
+    False where the log is too short to tell, or the channel is not finite.
+
+    Parameters
+    ----------
+    derivative : 1 or 2.
+    """
+    time, values = log["time"], log[channel]
+    pieces = [slice(first, last) for first, last in runs(time) if last - first >= SHORTEST]
+    if not pieces or not np.isfinite(values).all():
+        return False
+    step = median_step(time)
+    noise, error = white_noise(values), _rounding(values)
+    passed, freedom, most = PASSED[derivative]
+    width = WINDOWS / max(float(time[piece][-1] - time[piece][0]) for piece in pieces)
+    looked_at = False
+    while width <= WIDEST / step:
+        rows = _away_from_ends(LocalFit(width, derivative), time, values, pieces)
+        if len(rows):
+            chance = SIGNIFICANT / np.sqrt(len(rows) * step * width * freedom)  # √(2 / freedom)
+            of_noise = noise**2 * 2.0 * step * passed * width
+            of_noise *= (2.0 * np.pi * width) ** (2 * derivative) * (1.0 + chance)
+            of_rounding = (error * most * width**derivative) ** 2
+            if float(np.mean(rows**2)) > of_noise + of_rounding:
+                return False
+            looked_at = True
+        width *= 2.0
+    return looked_at
+
+
+def _rounding(values: Array) -> float:
+    """RMS by which finite values are rounded: to steps, to a float of 32 bits, or to a double."""
+    size = float(np.max(np.abs(values)))
+    single = values.astype(np.float32)
+    step = float(np.spacing(np.float32(size))) if np.array_equal(single, values) else 0.0
+    step = max(step, quantum(values), _step_of_bends(values, ROUNDED * size))
+    return max(step / float(np.sqrt(12.0)), ROUNDED * size)
+
+
+def _step_of_bends(values: Array, least: float) -> float:
+    """Step of which all second differences above `least` are multiples; 0 where there is none.
+
+    An even motion goes by steps that differ by one quantum and are many, from which its levels do
+    not tell the quantum. An acceleration that is even passes for one too, of a T²: that is 9 (B T)²
+    times itself behind a smoother, which is nothing.
+    """
+    bends = np.abs(np.diff(values, n=2))
+    bends = bends[bends > least]
+    if not len(bends):
+        return 0.0
+    step = float(np.mean(bends[bends < 1.5 * np.percentile(bends, 5)]))
+    off = np.abs(bends / step - np.round(bends / step))
+    return step if float(np.percentile(off, 98)) < OFF_LATTICE else 0.0
+
+
+def _away_from_ends(fit: LocalFit, time: Array, values: Array, pieces: Sequence[slice]) -> Array:
+    """A derivative where the smoother sees both sides, (N,), of all pieces one behind the other."""
+    found = [np.empty(0)]
+    for piece in pieces:
+        at = time[piece]
+        inside = (at - at[0] >= fit.half_length) & (at[-1] - at >= fit.half_length)
+        if inside.any():
+            found.append(fit.apply(at, values[piece])[inside])
+    return np.concatenate(found)
