@@ -182,6 +182,12 @@ class Comparison(Rendered):
         return self.overall.noise_floor
 
     @property
+    def is_short(self) -> bool:
+        """Whether bands have too few independent rows to show one that is off by all of the gap."""
+        bands = max((len(each) for each in self.by.values()), default=1)
+        return self.overall.effective_rows < FEW * bands
+
+    @property
     def excess(self) -> float:
         """RMS of the gap above the noise floor."""
         return self.overall.excess
@@ -333,10 +339,10 @@ def sentences(made: Comparison) -> tuple[str, str]:
 
 def _too_short(made: Comparison) -> str:
     """Say where bands have too few independent rows to show that they are off."""
+    if not made.is_short:
+        return ""
     bands = max((len(each) for each in made.by.values()), default=1)
     rows, independent = made.overall.rows, made.overall.effective_rows
-    if independent >= FEW * bands:
-        return ""
     return (
         f"With the memory that it has {rows} rows are worth {independent:.0f} independent ones, "
         f"too few in each of {bands} bands to show one that is off: record longer runs, or ask "

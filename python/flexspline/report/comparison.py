@@ -135,7 +135,7 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
 def _common(made: Comparison) -> dict[str, Any]:
     return {
         "sentences": made.sentences,
-        "critical": bool(made.follows),
+        "critical": bool(made.follows or made.is_short),
         "worst": worst_rows(made),
         "followed": followed(made),
         "orders": order_rows(made) if made.orders else [],
