@@ -315,8 +315,11 @@ def _remembered(compared: Compared, made: Analysis) -> Remembered:
     )
 
 
-def sentences(made: Comparison) -> tuple[str, str]:
-    """Return the size of the gap beside the floor, and where the gap is."""
+def sentences(made: Comparison, *, of_bands_alone: bool = True) -> tuple[str, str]:
+    """Return the size of the gap beside the floor, and where the gap is.
+
+    `of_bands_alone`: whether nothing but bands was asked, so that it counts where they are short.
+    """
     whole, what = made.overall, made.what.replace("_", " ")
     size = legible(whole.rmse, whole.noise_floor)
     floor = sized(whole.noise_floor, whole.noise_floor)
@@ -325,16 +328,16 @@ def sentences(made: Comparison) -> tuple[str, str]:
     if made.simulated and not made.follows and made.rmse > FAR * made.noise_floor:
         first = f"The gap {of} is {size} {made.unit} RMS; the measured one resolves {floor}."
         return first, "No channel locates it: it grows and shrinks with time, as drift does."
-    first, short = f"The gap {of} is {size} {made.unit} RMS", _too_short(made)
+    first = f"The gap {of} is {size} {made.unit} RMS"
+    short = _too_short(made) if of_bands_alone else ""
     if not made.follows:
         idle = _and(made.makes_no_difference[:MOST_IDLE], "or")
         unseen = f"Nothing in it is seen to follow {idle}." if idle else NOTHING
         if short:
             return f"{first}, and is noise or something slow.", f"{unseen} {short}"
         return f"{first}, which is down at the noise floor.", unseen
-    most = "at most " if short else ""
-    first += f" against a noise floor of {most}{floor} {made.unit}."
-    return first, f"{_where(made)} {short}".strip()
+    first += f" against a noise floor of {floor} {made.unit}."
+    return first, f"{_where(made)} The floor is at most that. {short}" if short else _where(made)
 
 
 def _too_short(made: Comparison) -> str:

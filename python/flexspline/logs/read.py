@@ -416,12 +416,12 @@ class _Read:
 
     def repaired(self, log: Log, repair: Repairs) -> Log:
         """Return rows of the log repaired, with columns of a clock of their own moved."""
-        made, derived = log, with_motor_torque(log)
-        if derived is not log:
-            repair, behind = repairs_of_source(repair, "motor_torque", "motor_current")
-            made = repaired(with_motor_torque(repaired(log, repair)), behind)
+        whole = with_motor_torque(log)
+        parts = repairs_of_source(repair, "motor_torque", "motor_current")
+        if whole is log or parts is None:
+            made = repaired(whole, repair)
         else:
-            made = repaired(log, repair)
+            made = repaired(with_motor_torque(repaired(log, parts[0])), parts[1])
         for channel, seconds in self.late.items():
             made = move_earlier(made, channel, seconds)
         return made

@@ -88,24 +88,26 @@ def repairs_of_both(said: Repairs, given: Repairs) -> Repairs:
     return [f"{name}={value}" if value else name for name, value in both]
 
 
-def repairs_of_source(repairs: Repairs, derived: str, source: str) -> tuple[list[str], list[str]]:
+def repairs_of_source(
+    repairs: Repairs, derived: str, source: str
+) -> tuple[list[str], list[str]] | None:
     """Return repairs for before a channel is derived as a multiple of its source, and for behind.
 
     What turns, scales or moves either is done to the source, once. Other repairs of the derived
-    channel are of its own values, and come behind.
+    channel are of its own values, and come behind. None where nothing is done to the source.
     """
     before, behind = list[str](), list[str]()
     moved = set[tuple[str, str]]()
     for name, value in _asked(repairs):
-        repair = f"{name}={value}" if value else name
         whole = name in ("flip_sign", "scale", "shift")
         if whole and _of(name, value)[1] in (derived, source):
             if (name, source) not in moved:
                 before.append(f"{name}={value.replace(derived, source, 1)}")
             moved.add((name, source))
         else:
+            repair = f"{name}={value}" if value else name
             (behind if _of(name, value)[1] == derived else before).append(repair)
-    return before, behind
+    return (before, behind) if moved else None
 
 
 def _of(name: str, value: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexspline.comparison.result import sentences as gap_sentences
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
 from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES
 from flexspline.discovery.settings import SETTINGS
@@ -305,7 +306,7 @@ def floor_sentence(made: Discovery) -> str:
 def where_sentences(made: Discovery) -> tuple[str, str]:
     """Return how large the gap is, and where; the floor there is as `floor_sentence` has it."""
     before = made.disagreement.before
-    first, second = before.sentences
+    first, second = gap_sentences(before, of_bands_alone=False)
     if not before.follows and (made.found or made.unexplained):
         what, size = TARGET_WORDS[made.target], f"{padded(before.rmse)} {made.unit} RMS"
         first = f"The base misses the {what} by {size}."
