@@ -9,8 +9,8 @@ import pytest
 from fit_logs import motion
 from numpy.typing import NDArray
 
-from flexspline.logs.channel_noise import HIGHEST, ChannelNoise, channel_noise
-from flexspline.logs.local_fit import LocalFit
+from flexspline.logs.channel_noise import HIGHEST, PASSED, ChannelNoise, channel_noise
+from flexspline.logs.local_fit import LocalFit, response
 from flexspline.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -177,3 +177,14 @@ def test_a_bump_of_the_density_beyond_the_bandwidth_is_no_signal() -> None:
     beyond = made.frequencies > 2.0 * made.bandwidth
     bumped = replace(made, density=np.where(beyond, 100.0 * made.density, made.density))
     assert bumped.smoother(2) == made.smoother(2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_what_a_smoother_passes_of_noise_is_what_its_response_says(order: int) -> None:
+    """I_k, c_k and m_k of the module's docstring, at a bandwidth of 1 Hz."""
+    frequency, step = np.linspace(0.0, 20.0, 200_001, retstep=True)
+    gain = response(frequency, 1.0)
+    passed = step * np.sum(frequency ** (2 * order) * gain**2)
+    freedom = passed**2 / (step * np.sum(frequency ** (4 * order) * gain**4))
+    most = np.max((2.0 * np.pi * frequency) ** order * gain)
+    assert PASSED[order] == pytest.approx((passed, freedom, most), rel=1e-4)
