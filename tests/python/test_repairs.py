@@ -89,6 +89,7 @@ def test_signs_are_turned_for_one_channel_or_all_of_the_motor() -> None:
     ("flip_sign=motor_torque", -1.0),
     (["flip_sign=motor_torque", "flip_sign=motor_current"], -1.0),  # as check says of both
     ({"scale": ("motor_current", 0.5)}, 0.5),
+    (["scale=motor_current:0.5", "scale=motor_current:3"], 1.5),  # asked twice of one channel
     (["scale=motor_torque:0.5", "flip_sign=motor_current"], -0.5),
 ])  # fmt: skip
 def test_a_torque_that_is_made_of_the_current_is_repaired_with_it(

@@ -184,8 +184,7 @@ class Comparison(Rendered):
     @property
     def is_short(self) -> bool:
         """Whether bands have too few independent rows to show one that is off by all of the gap."""
-        bands = max((len(each) for each in self.by.values()), default=1)
-        return self.overall.effective_rows < FEW * bands
+        return self.overall.effective_rows < FEW * _most_bands(self)
 
     @property
     def excess(self) -> float:
@@ -340,11 +339,15 @@ def sentences(made: Comparison, *, of_bands_alone: bool = True) -> tuple[str, st
     return first, f"{_where(made)} The floor is at most that. {short}" if short else _where(made)
 
 
+def _most_bands(made: Comparison) -> int:
+    return max((len(each) for each in made.by.values()), default=1)
+
+
 def _too_short(made: Comparison) -> str:
     """Say where bands have too few independent rows to show that they are off."""
     if not made.is_short:
         return ""
-    bands = max((len(each) for each in made.by.values()), default=1)
+    bands = _most_bands(made)
     rows, independent = made.overall.rows, made.overall.effective_rows
     return (
         f"With the memory that it has {rows} rows are worth {independent:.0f} independent ones, "

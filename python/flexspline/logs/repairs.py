@@ -93,17 +93,20 @@ def repairs_of_source(
 ) -> tuple[list[str], list[str]] | None:
     """Return repairs for before a channel is derived as a multiple of its source, and for behind.
 
-    What turns, scales or moves either is done to the source, once. Other repairs of the derived
-    channel are of its own values, and come behind. None where nothing is done to the source.
+    What turns, scales or moves either is done to the source, and once where both are named. Other
+    repairs of the derived channel are of its own values, and come behind. None where nothing is
+    done to the source.
     """
     before, behind = list[str](), list[str]()
     moved = set[tuple[str, str]]()
     for name, value in _asked(repairs):
         whole = name in ("flip_sign", "scale", "shift")
         if whole and _of(name, value)[1] in (derived, source):
-            if (name, source) not in moved:
+            channel = _of(name, value)[1]
+            other = source if channel == derived else derived
+            if (name, other) not in moved:
                 before.append(f"{name}={value.replace(derived, source, 1)}")
-            moved.add((name, source))
+            moved.add((name, channel))
         else:
             repair = f"{name}={value}" if value else name
             (behind if _of(name, value)[1] == derived else before).append(repair)

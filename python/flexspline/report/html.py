@@ -276,7 +276,7 @@ def python_call(fit: Fit) -> str:
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
     if fit.part.carried is not None:
-        lines.append(f"into=model,  # which has {fit.part.carried.words}")
+        lines.append("into=model")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
     orders = {e.name: orders_given(e) for e in fit.part.effects if e.harmonics}
@@ -293,8 +293,9 @@ def python_call(fit: Fit) -> str:
     options = _fit_options(fit) if fit.simulation is None else _motion_options(fit, fit.simulation)
     if options:
         lines.append(f"options=flexspline.{kind}({', '.join(options)})")
-    ended = (line if "#" in line else f"{line}," for line in lines)
-    return f"fit = flexspline.{name}(\n" + "".join(f"    {line}\n" for line in ended) + ")"
+    carried = fit.part.carried
+    above = "" if carried is None else f"# model: one that has {carried.words}\n"
+    return f"{above}fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
 
 
 def bandwidth_given(bandwidth: float | None) -> list[str]:
