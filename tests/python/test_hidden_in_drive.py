@@ -116,6 +116,20 @@ def test_a_sum_that_slides_stands_only_where_its_frictions_are_known(
     assert not any("level of" in one.name for one in made.derived if len(speeds) == 2)
 
 
+def test_no_sum_slides_where_the_width_of_its_friction_ends_at_the_upper_bound() -> None:
+    """Friction that bends over the fastest speed never reaches its level."""
+    logs = []
+    for seed in (1, 2):
+        c, _ = torque_hiding(None, seed)
+        v = c["output_velocity"]
+        bent = 3.0 * np.tanh(v / (4.0 * np.abs(v).max())) + presliding(c)
+        logs.append(log_of({**c, "motor_torque": (bent + noise(seed, len(v))) / RATIO}))
+    terms = ["offset", "coulomb_friction", "presliding_friction"]
+    made = flexspline.fit(terms, logs, "motor_torque", bounds={"direction_width": (1e-3, 1.0)})
+    assert made["direction_width"].state == "at upper bound"
+    assert not any(one.name.endswith("once they slide") for one in made.derived)
+
+
 def test_the_error_of_a_torque_constant_comes_out() -> None:
     factor = next(
         p for p in with_it("torque_constant_error").parameters if "torque_constant" in p.name

@@ -96,10 +96,16 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
 
 
 def _sliding(fit: Fit, own: Collection[str]) -> list[Derived]:
-    """The sum of frictions that slide together, which alone is bounded, and told best."""
+    """The sum of frictions that slide together, which alone is bounded, and told best.
+
+    None where a width of theirs ended at its upper bound: these runs never slide so far, or so
+    fast, that the friction reaches its level.
+    """
     weights = sliding_weights(fit.part)
     shares = dict.fromkeys(name.split(".")[0] for name in weights)
-    if not weights or not shares.keys().isdisjoint(own):
+    widths = {name for e in fit.part.effects if e.name in shares for name in e.shapes}
+    wide = [p for p in fit.parameters if p.state == UNKNOWN[-1] and p.name.split(".")[-1] in widths]
+    if not weights or wide or not shares.keys().isdisjoint(own):
         return []
     value = sum(weights[p.name] * p.value for p in fit.parameters if p.name in weights)
     names = fit.part.record["covariance"]["names"]
