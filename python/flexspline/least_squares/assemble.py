@@ -59,11 +59,17 @@ from flexspline.least_squares.problem import (
     columns_of,
     memory_warnings,
     target_range,
+    unresolved_speed,
 )
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.ripple import late_ripple_warnings
 from flexspline.least_squares.shapes import Tangent, filtered
-from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.least_squares.uncertainty import (
+    Prior,
+    Uncertainty,
+    half_widths,
+    parameter_uncertainty,
+)
 from flexspline.least_squares.validation import cross_validate, scores_of
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.model import Model, Part
@@ -75,6 +81,10 @@ __all__ = ["assembled", "generalised", "uncertainty_of"]
 Array = NDArray[np.float64]
 
 BOUND = {-1: "at lower bound", 0: "fitted", 1: "at upper bound"}
+WIDTH = "direction_width"
+RESOLVED = (
+    0.25  # of a width: speeds known to so much make it off by some standard errors of its own
+)
 LOOSE = 1.0  # a shape whose error is larger than itself is not determined
 
 MOST_ROWS = 1_000_000  # above, what slow noise costs a fit is little
@@ -447,14 +457,31 @@ def _shape_parameters(made: Estimate, table: Mapping[str, Array]) -> list[Parame
             determined, state = False, "not determined"
         elif shape.name in made.searched.at_bound:
             state = BOUND[made.searched.at_bound[shape.name]]
-        if row is not None and not table["error"][row] < LOOSE * value:
+        errors = table
+        if row is not None and shape.name == WIDTH:
+            errors = _blurred(table, row, value, unresolved_speed(made.tangent.problem, value))
+        if row is not None and not errors["error"][row] < LOOSE * value:
             determined, state = False, "not determined"
         one = _parameter(
-            shape.name, "shape", value, shape.info.unit, state, determined, None, table, row
+            shape.name, "shape", value, shape.info.unit, state, determined, None, errors, row
         )
         held = (shape.info.lower, shape.info.upper)
         limits = made.limits.get(shape.name, held)
         found.append(one if state == "fixed" else replace(one, bounds=limits))
+    return found
+
+
+def _blurred(
+    table: Mapping[str, Array], row: int, value: float, speed: float
+) -> Mapping[str, Array]:
+    """The table, with what the smoothed speed is known to, rad/s, in the error of the width."""
+    if not speed > RESOLVED * value:
+        return table
+    found = {key: column.copy() for key, column in table.items()}
+    error = np.hypot(table["error"][row], speed)
+    half = float(half_widths(error, table["freedom"][row]))
+    found["error"][row], found["low"][row], found["high"][row] = error, value - half, value + half
+    found["news"][row] *= (table["error"][row] / error) ** 2
     return found
 
 

@@ -12,6 +12,10 @@ when the motion is smoothed at half its bandwidth? Where that is more than the n
 the inputs do not determine the prediction, and the rows do not count. The model that is tested has
 Coulomb and viscous friction, which turn over fastest.
 
+A width of friction that is no wider than what the smoothed speed is known to is what the smoother
+makes of a narrower one, and its rows say nothing of that: their noise gives it a small error. So
+what the speed moves by is added to its standard error, from a quarter of the width on.
+
 Near the ends of a recording a smoother has rows on one side only: derivatives are many times as
 noisy there as elsewhere, and a value is off by another share of the curvature. Within its reach the
 rows do not count; one row of them would stand out by the jump. The same holds for a load, whose
@@ -41,7 +45,7 @@ from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
-from flexspline.prepared import MOTION, Preparation, prepared
+from flexspline.prepared import MOTION, VELOCITY, Preparation, prepared
 from flexspline.signals import (
     Carried,
     channels_for,
@@ -68,6 +72,7 @@ __all__ = [
     "resolved_rows",
     "settled",
     "target_range",
+    "unresolved_speed",
     "with_fastest",
 ]
 
@@ -89,6 +94,7 @@ HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would t
 SLOW = "temperature"
 LEAST = 0.5  # of a run: where less would count, all of it does
 DERIVED = 3  # rows between two gaps from which an acceleration can be derived
+TURNING = 2.0  # widths, at which friction is 96 % of what it will be
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
@@ -637,6 +643,27 @@ def away_from_ends(recorded: Log, log: Log, ways: Sequence[Preparation]) -> NDAr
 def _reach(ways: Sequence[Preparation]) -> float:
     """How far the rows of the widest smoother lie on either side, s."""
     return max((LocalFit(way.bandwidth).half_length for way in ways), default=0.0)
+
+
+def unresolved_speed(problem: Problem, width: float) -> float:
+    """Return how well the speed is known where the joint turns over, rad/s; 0 where as recorded.
+
+    RMS by which it moves with the motion smoothed at half its bandwidth, below twice the speed
+    `width` within which friction turns over; all rows count, for those that the test of resolution
+    leaves are the ones that moved little.
+    """
+    way = next((way for way in problem.preparations if way.channel == VELOCITY), None)
+    if way is None:
+        return 0.0
+    further, moved = LocalFit(HALF * way.bandwidth), [np.empty(0)]
+    for run in problem.runs:
+        for first, last in run.whole or run.unbroken:
+            speed = run.channels[VELOCITY][first:last]
+            slow = np.abs(speed) < TURNING * width
+            if slow.any():
+                moved.append((further.apply(run.log["time"][first:last], speed) - speed)[slow])
+    changes = np.concatenate(moved)
+    return float(np.sqrt(np.mean(changes**2))) if len(changes) else 0.0
 
 
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
