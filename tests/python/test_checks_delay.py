@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -164,6 +165,70 @@ def test_a_drive_that_is_late_is_a_fault_that_a_fit_warns_of(late: float, told: 
         assert faults[0].size == pytest.approx(late, rel=0.05)
         asked = faults[0].remedy.split()[-1].rstrip(".")
         assert not check(repaired(log, asked)).named("torque_delay")
+
+
+def driven(angle: Array, late: float, inertia: float, presliding: float, every: int = 20) -> Log:
+    """A drive over an angle (N,) rad at 5 kHz, late by so many s, in rows at 250 Hz."""
+    time = np.arange(len(angle)) / 5000.0
+    speed = np.gradient(angle, time)
+    slip = np.tanh(speed / 0.005)
+    if presliding:
+        slip = np.zeros_like(angle)
+        for k in range(1, len(angle)):  # elastic until it slips
+            slip[k] = np.clip(slip[k - 1] + (angle[k] - angle[k - 1]) / presliding, -1.0, 1.0)
+    torque = 4.0 * slip + 6.0 * speed + inertia * np.gradient(speed, time) + 5.0 * np.sin(angle)
+    torque = np.interp(time - late, time, torque)[::every]
+    torque += 0.2 * np.random.default_rng(11).normal(size=len(torque))
+    step = 2.0 * np.pi / 2**19
+    return Log.from_arrays(
+        time=time[::every], output_position=np.round(angle[::every] / step) * step,
+        motor_torque=torque / 80.0, facts={"gear_ratio": 80.0, "name": "drive"},
+    )  # fmt: skip
+
+
+def strokes(turn: float = 5.0) -> Array:
+    """Trapezoids to and fro at five speeds in turn, rad, with so many rad/s² at their ends."""
+    time, speed, start = np.arange(200_000) / 5000.0, np.zeros(200_000), 0.0
+    while start < time[-1]:
+        for usual in (0.5, 0.1, 1.5, 0.25, 1.0):
+            for way in (1.0, -1.0):
+                ramp, length = usual / turn, min(1.2, 2.5 * usual + 0.1) / usual
+                since = time - start
+                up, down = (
+                    np.clip(since / ramp, 0, 1),
+                    np.clip((since - ramp - length) / ramp, 0, 1),
+                )
+                speed += way * usual * (up - down)
+                start += 2.0 * ramp + length + 0.1
+    return np.asarray(np.cumsum(speed) / 5000.0)
+
+
+def waves() -> Array:
+    time = np.arange(200_000) / 5000.0
+    turns = ((0.4, 0.3, 0.2), (0.3, 0.7, 1.1), (0.2, 1.4, 2.5), (0.15, 2.3, 0.4), (0.1, 3.9, 4.1))
+    return np.asarray(sum(a * np.sin(w * time + p) for a, w, p in turns))
+
+
+@pytest.mark.parametrize(
+    ("motion", "inertia"),
+    [(strokes, 0.6), (strokes, 3.0), (waves, 3.0)],  # kg·m²
+)
+def test_the_inertia_of_a_late_drive_does_not_hide_how_late_it_is(
+    motion: Callable[[], Array], inertia: float
+) -> None:
+    """Friction and gravity that are late look like viscous friction and less inertia."""
+    assert not check(driven(motion(), 0.0, inertia, 0.0)).faults
+    (late,) = check(driven(motion(), 0.006, inertia, 0.0)).faults
+    assert late.name == "torque_delay"
+    assert late.size == pytest.approx(0.006, abs=0.0012)
+
+
+def test_a_late_drive_is_told_far_from_reversals_beside_presliding() -> None:
+    """Of the whole run the delay is 20 ms and more, for friction that rises over a travel."""
+    assert not check(driven(strokes(), 0.0, 0.6, presliding=0.003)).faults
+    (late,) = check(driven(strokes(), 0.006, 0.6, presliding=0.003)).faults
+    assert late.name == "torque_delay"
+    assert late.size == pytest.approx(0.006, abs=0.0012)
 
 
 @pytest.mark.parametrize("speed", [0.2, 0.4])  # rad/s

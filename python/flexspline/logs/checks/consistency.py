@@ -128,6 +128,10 @@ SLID = 4.0
 that rises over a travel looks late by half of it, in the middle; twice of that is let pass. Of 36
 joints driven to and fro at one speed none is late, none at half and at twice of this, 4 at zero."""
 
+FAR = 0.1
+"""Share of the rows, that must be far from reversals for their delay to be told: sixteen blocks of
+fewer are shorter than the noise's memory, and make its error too small."""
+
 Array = NDArray[np.float64]
 
 MOST_ROWS = 6_000
@@ -831,23 +835,20 @@ def _late_torque(
     within = min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
     valid = motion.inside(within)
     scan = max(step, 0.005)
-    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
-    if found is None or found.explained < 0.5:
-        return
-    sure = max(0.5 * step, SURE * found.error) < found.seconds < 0.98 * within
-    if not sure or found.gain < 0.01:
-        return
     whole = find_delay(motion.time, reading, columns, valid, within, scan)
     if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
-    speed = np.abs(motion.velocity)
-    usual = float(np.percentile(speed, 95))
-    sticks = motion.time[_travel_since_reversal(motion) <= SLID * whole.seconds * usual]
-    most = min(2.0 * whole.seconds, within)
-    fast = valid & (speed > 0.5 * usual) & motion.away_from(sticks, most)
-    there = find_delay(motion.time, reading, columns, fast, most, min(scan, 0.5 * most))
-    if channel in DRIVE and is_delay(whole) and there is not None and _same(there, whole):
-        yield _late_drive(log, channel, whole)
+    most = 0.98 * within
+    if channel in DRIVE and whole.seconds < most and is_delay(whole):
+        late = _of_a_drive(motion, columns, reading, whole)
+        if late is not None:
+            yield _late_drive(log, channel, late)
+            return
+    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
+    if found is None or found.explained < 0.5:
+        return
+    sure = max(0.5 * step, SURE * found.error) < found.seconds < most
+    if not sure or found.gain < 0.01:
         return
     yield Finding(
         "torque_delay",
@@ -862,6 +863,29 @@ def _late_torque(
     )
 
 
+def _of_a_drive(motion: Motion, columns: Array, reading: Array, whole: Delay) -> Delay | None:
+    """Return the delay of a drive that is there where presliding is over too; None without one.
+
+    That of the whole run where both agree. Where they do not, friction that rises over a travel is
+    in the whole of it, and what its other rows say of most that is left of them is the delay.
+    """
+    speed, step = np.abs(motion.velocity), median_step(motion.time)
+    usual = float(np.percentile(speed, 95))
+    sticks = motion.time[_travel_since_reversal(motion) <= SLID * whole.seconds * usual]
+    within = min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
+    most, valid = min(2.0 * whole.seconds, within), motion.inside(within)
+    fast = valid & (speed > 0.5 * usual) & motion.away_from(sticks, most)
+    if np.count_nonzero(fast) < FAR * np.count_nonzero(valid):
+        return None
+    scan = min(max(step, 0.005), 0.5 * most)
+    there = find_delay(motion.time, reading, columns, fast, most, scan)
+    if there is None or not there.seconds > max(0.5 * step, SURE * there.error):
+        return None
+    if there.gain >= 0.01 and 0.5 < there.seconds / whole.seconds < 2.0:
+        return whole
+    return there if is_delay(there) else None
+
+
 def _travel_since_reversal(motion: Motion) -> Array:
     """What the joint has turned since its velocity last changed its sign, (N,) rad."""
     reversals = np.flatnonzero(np.diff(np.signbit(motion.velocity), prepend=motion.velocity[0] < 0))
@@ -869,12 +893,6 @@ def _travel_since_reversal(motion: Motion) -> Array:
     last = np.zeros(len(turned), int)
     last[reversals] = reversals
     return np.asarray(turned - turned[np.maximum.accumulate(last)])
-
-
-def _same(one: Delay, other: Delay) -> bool:
-    """Whether a delay is told from zero and is another but for a factor of two."""
-    told = one.seconds > SURE * one.error and one.gain >= 0.01
-    return told and 0.5 < one.seconds / other.seconds < 2.0
 
 
 def _late_drive(log: Log, channel: str, late: Delay) -> Finding:
