@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from driven_joint import driven, strokes, waves
 from numpy.typing import NDArray
 from recorded_joint import base
 from recorded_joint import runs as joint_runs
@@ -15,7 +16,9 @@ from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
 from flexspline.discovery.discovering import _Recorded
+from flexspline.discovery.faults import DataFault, with_drive_on_time
 from flexspline.effects import effect
+from flexspline.logs.checks import check, check_runs
 from flexspline.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -120,3 +123,53 @@ def test_without_a_lag_names_are_looked_for_anew_but_where_functions_explain_mor
     )
     runs: Any = SimpleNamespace(context=lambda free: [free], analysed=lambda free: "anew")
     assert _Recorded.without_lag(runs, made, ()) == ("anew" if searched else same)
+
+
+PLAIN = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
+
+
+def drives(late: float) -> list[Log]:
+    """Three runs of one drive: strokes, and waves either way."""
+    angles = (strokes(), waves(), waves()[::-1].copy())
+    return [driven(angle, late, inertia=0.6, bits=17, seed=k) for k, angle in enumerate(angles)]
+
+
+def test_a_drive_that_is_late_in_one_run_is_late_in_all_that_are_like_it() -> None:
+    single = [[fault.name for fault in check(log).faults] for log in drives(0.006)]
+    assert single == [["torque_delay"], [], []]
+    for findings in check_runs(drives(0.006)):
+        (late,) = findings.faults
+        assert late.name == "torque_delay" and late.size == pytest.approx(0.006, abs=0.001)
+        assert "Seen in" not in late.sentence
+    for findings in check_runs([drives(0.006)[0], *drives(0.0)[1:]]):
+        said = "".join(fault.sentence for fault in findings.faults)
+        assert not said or "Seen in 1 of 3 runs; of the others 2 show another or none." in said
+
+
+@pytest.mark.parametrize("hidden", ["", "gravity"])
+def test_friction_of_a_late_drive_is_no_presliding(hidden: str) -> None:
+    effects = [name for name in PLAIN if name != hidden]
+    made = flexspline.discover(effects, drives(0.006), target="motor_torque")
+    assert made.names == ((hidden,) if hidden else ()) and made.unexplained is None
+    assert [fault.name for fault in made.data_faults] == ["torque_delay"] * 3
+    assert all("all else moved 5.9" in fault.sentence for fault in made.data_faults)
+    values = {p.name: p for p in made.fit.parameters}
+    level = values["coulomb_friction.level"]
+    assert level.interval[0] < 4.0 < level.interval[1]
+    assert values["inertia.inertia"].value == pytest.approx(0.6, rel=0.02)
+
+
+def test_a_drive_that_one_of_three_runs_shows_late_stays_as_recorded() -> None:
+    logs = [drives(0.006)[0], *drives(0.0)[1:]]
+    late = DataFault("drive", "torque_delay", "motor_torque", 0.005, "s", (0, 10), "It is late.")
+    for faults in ((late,), ()):
+        assert with_drive_on_time(logs, faults, "motor_torque") == (logs, faults)
+    both = (late, late)
+    assert with_drive_on_time(logs, both, "sensor_torque") == (logs, both)
+    moved, said = with_drive_on_time(logs, both, "motor_torque")
+    assert said[0].sentence == "It is late. Names are looked for with all else moved 5 ms later."
+    for log, at in zip(moved, logs, strict=True):
+        kept = np.isin(at["time"], log["time"])
+        assert np.array_equal(log["motor_torque"], at["motor_torque"][kept])
+        angle = np.interp(log["time"] - 0.005, at["time"], at["output_position"])
+        assert log["output_position"] == pytest.approx(angle, abs=1e-12)

@@ -43,7 +43,13 @@ from flexspline.formatting import short
 from flexspline.least_squares.late_load import slopes_by
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check_runs
-from flexspline.logs.checks.consistency import TOLD, late_alike, measured_gear
+from flexspline.logs.checks.consistency import (
+    DRIVE,
+    TOLD,
+    TORQUE_DELAY,
+    late_alike,
+    measured_gear,
+)
 from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.samples import DROPPED, unwrapped
 from flexspline.logs.log import Log
@@ -54,7 +60,7 @@ from flexspline.regression.gram import SINGULAR, TINY, Table, left_by, solved, t
 from flexspline.signals import target_of
 
 __all__ = ["SENSOR", "DataFault", "Delay", "data_faults", "delay_behind", "delay_beside_everything",
-           "graded", "lead_of", "load_delays", "with_measured_ratio",
+           "graded", "lead_of", "load_delays", "with_drive_on_time", "with_measured_ratio",
            "with_unwrapped_angles"]  # fmt: skip
 
 RATIO = "gear_ratio"
@@ -177,6 +183,30 @@ def with_measured_ratio(
     mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]
     told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == RATIO else f for f in faults]
     return mended, tuple(told)
+
+
+def with_drive_on_time(
+    logs: Sequence[Log], faults: Sequence[DataFault], target: str
+) -> tuple[list[Log], tuple[DataFault, ...]]:
+    """Return the runs with a drive that half of them and more show late beside its motion.
+
+    Friction that is late looks like presliding. All else is moved later, for a target that is
+    interpolated has another noise, and friction that turns over within a row is blurred. The
+    fault's sentence then says by how much.
+    """
+    late = [fault for fault in faults if fault.name == TORQUE_DELAY and target in DRIVE]
+    has = [log for log in logs if any(channel in log for channel in DRIVE)]
+    if not late or 2 * max(Counter(fault.channel for fault in late).values()) < len(has):
+        return list(logs), tuple(faults)
+    seconds = float(np.median([fault.size for fault in late]))
+    said = f"Names are looked for with all else moved {short(seconds / milli)} ms later."
+    moved = [
+        move_earlier(log, rest[0], -seconds, *rest[1:]) if log in has else log
+        for log in logs
+        for rest in [[name for name in log.channels if name not in ("time", *DRIVE)]]
+    ]
+    told = [replace(f, sentence=f"{f.sentence} {said}") if f in late else f for f in faults]
+    return moved, tuple(told)
 
 
 def graded(

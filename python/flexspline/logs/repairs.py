@@ -119,8 +119,8 @@ def _of(name: str, value: str) -> tuple[str, str]:
     return name, first if first.isidentifier() else ""
 
 
-def move_earlier(log: Log, channel: str, seconds: float) -> Log:
-    """Return the log with a channel that is late by `seconds` moved to where it belongs.
+def move_earlier(log: Log, channel: str, seconds: float, *others: str) -> Log:
+    """Return the log with channels that are late by `seconds` moved to where they belong.
 
     The new value at t is the old one at t + seconds, by linear interpolation. Rows that then
     have no value, at one end and beside gaps, are dropped.
@@ -128,9 +128,10 @@ def move_earlier(log: Log, channel: str, seconds: float) -> Log:
     time = increasing_time(log, f"shift of {channel}")
     at = time + seconds
     inside = has_value(time, at)
+    names, way = (channel, *others), "earlier" if seconds > 0 else "later"
     moved = log.with_columns(
-        {channel: sampled(channel, time, log[channel], at)},
-        note=f"{channel} moved {abs(seconds):g} s {'earlier' if seconds > 0 else 'later'}; "
+        {name: sampled(name, time, log[name], at) for name in names},
+        note=f"{', '.join(names)} moved {abs(seconds):g} s {way}; "
         f"rows without a value, dropped: {np.count_nonzero(~inside)}",
     )
     return _kept(moved, inside, f"shift of {channel}", "")

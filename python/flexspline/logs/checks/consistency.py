@@ -72,7 +72,7 @@ from flexspline.logs.units import canonical_unit
 
 PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
 
-VELOCITY_DELAY = "velocity_delay"
+VELOCITY_DELAY, TORQUE_DELAY = "velocity_delay", "torque_delay"
 
 FACTOR_LIMIT = 0.03
 """Factors nearer to one than this are let pass."""
@@ -140,6 +140,10 @@ BLOCKS = 16
 
 ALIKE = 0.1
 """Share of a delay by which it may differ between runs of one recorder, beside its errors."""
+
+ALIKE_DRIVE = 0.25
+"""The same of a drive: the form of its friction, which is not known here, moves what a run tells.
+In strokes 6 ms are 5.2 and 6.4 ms, in waves 6.0."""
 
 
 def velocity_of_position(log: Log) -> Iterator[Finding]:
@@ -831,11 +835,8 @@ def _way(size: float, error: float) -> float:
 def _late_torque(
     log: Log, channel: str, motion: Motion, columns: Array, reading: Array
 ) -> Iterator[Finding]:
-    step = median_step(motion.time)
-    within = min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
-    valid = motion.inside(within)
-    scan = max(step, 0.005)
-    whole = find_delay(motion.time, reading, columns, valid, within, scan)
+    step, within = median_step(motion.time), _torque_within(motion)
+    whole = _behind_motion(motion, columns, reading)
     if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
     most = 0.98 * within
@@ -844,14 +845,14 @@ def _late_torque(
         if late is not None:
             yield _late_drive(log, channel, late)
             return
-    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
+    found = _behind_motion(motion, columns[:, :-2], reading)
     if found is None or found.explained < 0.5:
         return
     sure = max(0.5 * step, SURE * found.error) < found.seconds < most
     if not sure or found.gain < 0.01:
         return
     yield Finding(
-        "torque_delay",
+        TORQUE_DELAY,
         "note",
         channel,
         (0, len(log)),
@@ -863,6 +864,24 @@ def _late_torque(
     )
 
 
+def _torque_within(motion: Motion) -> float:
+    return min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
+
+
+def _behind_motion(motion: Motion, columns: Array, reading: Array) -> Delay | None:
+    """Delay of a reading behind the columns that make it up, of the whole run."""
+    within, scan = _torque_within(motion), max(median_step(motion.time), 0.005)
+    return find_delay(motion.time, reading, columns, motion.inside(within), within, scan)
+
+
+def _drive_delay(log: Log, channel: str) -> Delay | None:
+    """Delay of a drive behind its motion, of the whole run; None where the run tells none."""
+    motion = motion_of(log)
+    if motion is None or not _both_ways(motion) or not np.ptp(log[channel][motion.rows]) > 0:
+        return None
+    return _behind_motion(motion, motion_columns(log, motion), motion.smooth(log[channel]))
+
+
 def _of_a_drive(motion: Motion, columns: Array, reading: Array, whole: Delay) -> Delay | None:
     """Return the delay of a drive that is there where presliding is over too; None without one.
 
@@ -872,7 +891,7 @@ def _of_a_drive(motion: Motion, columns: Array, reading: Array, whole: Delay) ->
     speed, step = np.abs(motion.velocity), median_step(motion.time)
     usual = float(np.percentile(speed, 95))
     sticks = motion.time[_travel_since_reversal(motion) <= SLID * whole.seconds * usual]
-    within = min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
+    within = _torque_within(motion)
     most, valid = min(2.0 * whole.seconds, within), motion.inside(within)
     fast = valid & (speed > 0.5 * usual) & motion.away_from(sticks, most)
     if np.count_nonzero(fast) < FAR * np.count_nonzero(valid):
@@ -895,13 +914,13 @@ def _travel_since_reversal(motion: Motion) -> Array:
     return np.asarray(turned - turned[np.maximum.accumulate(last)])
 
 
-def _late_drive(log: Log, channel: str, late: Delay) -> Finding:
+def _late_drive(log: Log, channel: str, late: Delay, others: str = "") -> Finding:
     """Return the fault of a drive that is late behind the whole of its motion, fast or slow.
 
     No effect of a drive is a lag, as a sensor's is; and presliding is no delay far from reversals.
     """
     return Finding(
-        "torque_delay",
+        TORQUE_DELAY,
         "fault",
         channel,
         (0, len(log)),
@@ -909,7 +928,7 @@ def _late_drive(log: Log, channel: str, late: Delay) -> Finding:
         "s",
         f"{channel} is {_milliseconds(late.seconds, late.error)} late against the motion at all "
         f"speeds: its filter or its recorder delays it, and a fit takes that for inertia and "
-        f"friction.",
+        f"friction.{others}",
         f"Ask for the repair shift={channel}:{late.seconds:.3g}.",
     )
 
@@ -1042,26 +1061,51 @@ def _solve(gram: Array, right: Array) -> Array:
 
 
 def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Findings]:
-    """Return the findings with a velocity's delay told of all runs that have it, and of how many.
+    """Return the findings with a delay told of all runs that have it, and of how many.
+
+    That of a velocity behind its position, and of a drive behind its motion.
 
     Parameters
     ----------
     logs, made : the runs and what was found in each.
     """
     told = list(made)
-    for channel in PAIRS:
-        has = [k for k, log in enumerate(logs) if channel in log and PAIRS[channel] in log]
+    late = dict.fromkeys(PAIRS, (VELOCITY_DELAY, velocity_delay, late_velocity))
+    late |= dict.fromkeys(DRIVE, (TORQUE_DELAY, _drive_delay, _late_drive))
+    for channel, (name, delay_of, finding_of) in late.items():
+        beside = PAIRS.get(channel, "output_position")
+        has = [k for k, log in enumerate(logs) if channel in log and beside in log]
         has = [k for k in has if not told[k].errors]
-        found = {k: f for k in has for f in told[k].named(VELOCITY_DELAY) if f.channel == channel}
+        found = {k: f for k in has for f in told[k].named(name)
+                 if f.channel == channel and f.severity == "fault"}  # fmt: skip
         if found and len(found) < len(has):
-            _share(logs, told, channel, has, found)
+            slack = ALIKE_DRIVE if channel in DRIVE else ALIKE
+            delays = _Delays(channel, name, delay_of, finding_of, slack)
+            _share(logs, told, delays, has, found)
     return told
+
+
+class _Delays(NamedTuple):
+    """A delay of a channel: name of its finding, how a run tells it and how it is said.
+
+    `slack`: share by which it may differ between runs of one recorder.
+    """
+
+    channel: str
+    name: str
+    of: Callable[[Log, str], Delay | None]
+    finding: Callable[[Log, str, Delay, str], Finding]
+    slack: float
+
+    def alike(self, late: Delay, usual: float) -> bool:
+        """Whether a delay may be the usual one."""
+        return abs(late.seconds - usual) <= max(self.slack * abs(usual), 4 * late.error)
 
 
 def _share(
     logs: Sequence[Log],
     told: list[Findings],
-    channel: str,
+    delays: _Delays,
     has: Sequence[int],
     found: dict[int, Finding],
 ) -> None:
@@ -1070,30 +1114,29 @@ def _share(
     late: dict[int, Delay | None] = {}
     for k in has:
         if k not in found:
-            late[k] = velocity_delay(emptied(logs[k]), channel)
+            late[k] = delays.of(emptied(logs[k]), delays.channel)
             motion_of.cache_clear()  # it would keep the log
-    also = {k: one for k, one in late.items() if one and is_delay(one) and _alike(one, usual)}
-    others = [one for k, one in late.items() if k not in also]
-    said = _of_how_many(len(found) + len(also), len(has), others, usual)
+    also = {k: one for k, one in late.items() if one and is_delay(one) and delays.alike(one, usual)}
+    open_ = [one is None or delays.alike(one, usual) for k, one in late.items() if k not in also]
+    said = _of_how_many(len(found) + len(also), len(has), open_)
     for k, finding in found.items():
         mine = replace(finding, sentence=f"{finding.sentence}{said}")
         rest = [one for one in told[k] if one is not finding]
         told[k] = sorted_findings(told[k].log_name, [*rest, mine], told[k].excited)
     for k, one in also.items():
-        more = [*told[k], late_velocity(logs[k], channel, one, said)]
+        rest = [note for note in told[k] if (note.name, note.channel) != delays[1::-1]]
+        more = [*rest, delays.finding(logs[k], delays.channel, one, said)]
         told[k] = sorted_findings(told[k].log_name, more, told[k].excited)
 
 
-def _alike(late: Delay, usual: float) -> bool:
-    return abs(late.seconds - usual) <= max(ALIKE * abs(usual), 4 * late.error)
+def _of_how_many(seen: int, runs: int, open_: Sequence[bool]) -> str:
+    """How many runs show a delay, and whether the others contradict it; "" where all do.
 
-
-def _of_how_many(seen: int, runs: int, others: Sequence[Delay | None], usual: float) -> str:
-    """How many runs show the delay, and whether the others contradict it; "" where all do."""
+    `open_`: of each other run, whether it does not tell.
+    """
     if seen == runs:
         return ""
-    open_ = sum(one is None or _alike(one, usual) for one in others)
-    against = len(others) - open_
-    told = [f"{open_} do{'es' if open_ == 1 else ''} not tell"] if open_ else []
+    against = len(open_) - sum(open_)
+    told = [f"{sum(open_)} do{'es' if sum(open_) == 1 else ''} not tell"] if any(open_) else []
     told += [f"{against} show{'s' if against == 1 else ''} another or none"] if against else []
     return f" Seen in {seen} of {runs} runs; of the others {' and '.join(told)}."
