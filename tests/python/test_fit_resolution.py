@@ -128,12 +128,16 @@ def test_inertia_of_sharp_strokes_behind_16_bit_is_within_its_interval() -> None
     assert abs(np.mean(off)) < 1.0
 
 
-@pytest.mark.parametrize("bits", [14, 16, 19])
-def test_a_width_of_friction_is_no_surer_than_the_speed_near_reversals(bits: int) -> None:
+@pytest.mark.parametrize(("bits", "known"), [(14, False), (16, True), (19, True)])
+def test_a_width_of_friction_is_no_surer_than_the_speed_near_reversals(
+    bits: int, known: bool
+) -> None:
     made = flexspline.fit(
         ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"],
         driven(strokes(), 0.0, inertia=0.6, bits=bits), "motor_torque",
     )  # fmt: skip
     width = made.params["direction_width"]
     assert width.interval[0] < 0.005 < width.interval[1]
-    assert width.ci(0.95) == pytest.approx(width.interval, rel=1e-9)
+    assert width.determined == known
+    errors = np.sqrt(np.diag(made.covariance))
+    assert errors[-1] == pytest.approx(width.standard_error, rel=1e-9)
