@@ -217,14 +217,14 @@ def _middle(values: Array) -> float:
 def derived_share(log: Log, velocity: str, position: str, above: float) -> float | None:
     """Share of a velocity's power above a frequency [Hz] that is that of its position's derivative.
 
-    Their coherence, weighted by the power of the velocity. Where the noise of a position exceeds
-    its signal it is about a half and less for a velocity that is measured by itself, and nearly 1
-    for one that is made of the same readings, late and filtered or not. None where no unbroken run
-    is long enough.
+    Their coherence in the two octaves above, the median. Where the noise of a position exceeds its
+    signal it is a half and less for a velocity that is measured by itself, and nearly 1 for one
+    that is made of the same readings, late and filtered or not. None where no unbroken run is long
+    enough. Second differences of both: leakage of what lies below would be coherent.
     """
-    from scipy.signal import coherence, welch
+    from scipy.signal import coherence
 
-    time, steps = log["time"], []
+    time, shares = log["time"], []
     for first, last in runs(time):
         step = median_step(time[first:last])
         length = min(round(SECONDS / step), (last - first) // SEGMENTS)
@@ -232,12 +232,11 @@ def derived_share(log: Log, velocity: str, position: str, above: float) -> float
             continue
         part = slice(first, min(last, first + PARTS * PART))
         slope = np.gradient(log[position][part], step)
-        at, alike = coherence(log[velocity][part], slope, 1.0 / step, nperseg=length)
-        _, power = welch(log[velocity][part], 1.0 / step, nperseg=length)
-        beyond = (at > above) & (at < 0.45 / step)
-        steps.append((float(alike[beyond] @ power[beyond]), float(power[beyond].sum())))
-    found, whole = np.sum(steps, axis=0) if steps else (0.0, 0.0)
-    return float(found / whole) if whole > 0.0 else None
+        both = (np.diff(values, n=DIFFERENCES) for values in (log[velocity][part], slope))
+        at, alike = coherence(*both, 1.0 / step, nperseg=length)
+        shares.append(alike[(at > above) & (at < min(4.0 * above, 0.45 / step))])
+    found = np.concatenate(shares) if shares else np.empty(0)
+    return _middle(found) if len(found) else None
 
 
 def is_only_noise(log: Log, channel: str, derivative: int) -> bool:
