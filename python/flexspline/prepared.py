@@ -27,7 +27,7 @@ from flexspline.logs.channel_noise import (
     is_only_noise,
 )
 from flexspline.logs.checks.consistency import is_delay, velocity_delay
-from flexspline.logs.derive import differentiate, lowpass_log
+from flexspline.logs.derive import differentiate, lowpass_log, was_asked_for
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, emptied, is_read
 from flexspline.parallel import in_order
@@ -297,9 +297,10 @@ def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
 def _derived(logs: Sequence[Log], position: ChannelNoise) -> bool:
     """Whether the recorded velocity is made of the readings of the position, in most of the runs.
 
-    Its noise falls off with what it was smoothed by, and a floor beyond says nothing of it.
+    Its noise falls off with what it was smoothed by, and a floor beyond says nothing of it. One
+    that was derived at a bandwidth of somebody's choice is read as it is.
     """
-    if not position.noisy:
+    if not position.noisy or any(was_asked_for(log, VELOCITY) for log in logs):
         return False
     shares = [derived_share(log, VELOCITY, POSITION, position.bandwidth) for log in logs]
     told = [share for share in shares if share is not None]
