@@ -28,7 +28,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
-from flexspline.effects.causes import GRAVITY
+from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY
 from flexspline.errors import listed
 from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
@@ -39,7 +39,7 @@ from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.candidate_model import held_out, rmse_error
-from flexspline.regression.gram import TINY, by_runs
+from flexspline.regression.gram import TINY, by_runs, left_by
 
 __all__ = ["assembled", "where"]
 
@@ -178,7 +178,27 @@ def assembled(
         rows=rows,
         searched=made.searched,
         dependences=made.tied,
+        without_directions=_without_directions(made, steps[-1]),
     )
+
+
+def _without_directions(made: Analysis, rmse: float) -> float | None:
+    """The error without friction by direction, from that with it; None where it is in no model.
+
+    What this friction adds to the rows and no other column of the model takes over joins the error.
+    """
+    problem, work = made.part.problem, made.final
+    owners = np.array(work.owners())
+    if FRICTION_BY_DIRECTION not in owners:
+        return None
+    other, products, rows = np.flatnonzero(owners != FRICTION_BY_DIRECTION), 0.0, 0
+    for number, added in enumerate(contribution(problem, work, FRICTION_BY_DIRECTION)):
+        counted = np.isfinite(added)
+        columns = work.rows(problem, number)[0][:, other]
+        both = np.column_stack((columns, added))[counted]
+        products, rows = products + both.T @ both, rows + int(counted.sum())
+    left = left_by(np.asarray(products), np.arange(len(other)))[-1, -1]
+    return float(np.sqrt(rmse**2 + max(float(left), 0.0) / rows))
 
 
 def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:
