@@ -191,13 +191,15 @@ def _without_directions(made: Analysis, rmse: float) -> float | None:
     owners = np.array(work.owners())
     if FRICTION_BY_DIRECTION not in owners:
         return None
-    other, products, rows = np.flatnonzero(owners != FRICTION_BY_DIRECTION), 0.0, 0
+    other, rows = np.flatnonzero(owners != FRICTION_BY_DIRECTION), 0
+    products = np.zeros((len(other) + 1, len(other) + 1))
     for number, added in enumerate(contribution(problem, work, FRICTION_BY_DIRECTION)):
         counted = np.isfinite(added)
         columns = work.rows(problem, number)[0][:, other]
         both = np.column_stack((columns, added))[counted]
-        products, rows = products + both.T @ both, rows + int(counted.sum())
-    left = left_by(np.asarray(products), np.arange(len(other)))[-1, -1]
+        products += both.T @ both
+        rows += int(counted.sum())
+    left = left_by(products, np.arange(len(other)))[-1, -1]
     return float(np.sqrt(rmse**2 + max(float(left), 0.0) / rows))
 
 

@@ -200,18 +200,18 @@ def verdict(made: Discovery) -> str:
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
     said = base[0].lower() + base[1:]
     where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
-    sided = _sided(made)
+    sided, without = _sided(made), made.without_directions
     if made.found:
         rmse = f"{' to '.join(lowered(made.base_rmse, made.final_rmse))} {made.unit}"
         both = f" Besides, {sided}; both errors are with that in the model." if sided else ""
         return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}.{both}"
     what, more = _nothing_named(made, said, " else" if sided else "")
     rmse = f"{padded(made.base_rmse)} {made.unit} {where}{more}"
-    if not sided:
+    if not sided or without is None:
         return f"{what}: RMSE {rmse}."
     return (
         f"{what}: {sided}. With that in the model RMSE {rmse}; without it about "
-        f"{padded(made.without_directions)} {made.unit}."
+        f"{padded(without)} {made.unit}."
     )
 
 
