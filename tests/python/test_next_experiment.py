@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,11 +15,12 @@ from fit_logs import autoregressive
 from measured import ur10e
 
 import flexspline
-from flexspline import Limits, Model, Part, Plan
+from flexspline import Limits, Model, Part, Plan, _core
 from flexspline.cli import commands
 from flexspline.effects import effect
 from flexspline.experiment import recording
 from flexspline.experiment.plan import Bounds, over
+from flexspline.experiment.planning import in_any_run
 from flexspline.experiment.recording import _kinds
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
@@ -97,7 +100,39 @@ def test_the_planned_run_added_the_right_cause_is_named_alone(name: str) -> None
 def test_gravity_and_a_first_order_of_the_output_need_another_mounting() -> None:
     made = plan(WEIGHT)
     assert made.expected < 0.05
-    assert "gravity and output_ripple" in made.sentence and "upright" in made.sentence
+    assert "No motion tells gravity and output_ripple apart, within any limits" in made.sentence
+    assert "upright" in made.sentence and "Another payload" in made.sentence
+
+
+def test_other_orders_that_stand_for_gravity_over_part_of_a_turn_promise_no_run() -> None:
+    """Runs over a whole turn let the ripple have order 1, whatever orders it has in these."""
+    narrow = effect("output_ripple", orders=[2, 3])
+    asked = flexspline.next_experiment(fitted(WEIGHT), ("gravity", narrow), recorded(WEIGHT))
+    assert asked is not None and asked.expected > 3.0  # of these orders alone a run does tell it
+
+    found = SimpleNamespace(
+        fit=fitted(WEIGHT),
+        model=fitted(WEIGHT).model,
+        found=[
+            SimpleNamespace(
+                effect="gravity",
+                rivals=[SimpleNamespace(effect=narrow, name=narrow.name)],
+                indistinguishable_from=[narrow.name],
+            )
+        ],
+    )
+    made = flexspline.next_experiment(cast(Any, found), None, recorded(WEIGHT))
+    assert made is not None and made.outlooks[0].expected < 0.05
+    assert "Record" not in made.sentence.split(":")[0] and "upright" in made.sentence
+
+
+def test_a_rival_gets_order_1_beside_gravity_alone_and_keeps_its_own() -> None:
+    ripple = effect("output_ripple", orders=[2, 3])
+    wide = in_any_run("gravity", ripple)
+    assert [order for order, _ in wide.harmonics] == [1, 2, 3]
+    assert in_any_run("gravity", wide) == wide and in_any_run("inertia", ripple) == ripple
+    full = effect("output_ripple", orders=range(2, 2 + _core.max_harmonics))
+    assert len(in_any_run("gravity", full).harmonics) == _core.max_harmonics
 
 
 def test_where_the_limits_are_too_tight_the_one_that_binds_is_named() -> None:

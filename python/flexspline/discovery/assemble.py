@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.candidates import ONE_SINE
 from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -28,10 +27,10 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
-from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY
+from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
 from flexspline.errors import listed
 from flexspline.experiment.plan import Limits
-from flexspline.experiment.planning import planned
+from flexspline.experiment.planning import in_any_run, planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.result import wald
@@ -150,7 +149,12 @@ def assembled(
         for group in [made.final.named[first:last]]
         for effect in group
     ]
-    pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
+    pairs = [
+        (one.effect, in_any_run(one.effect, rival.effect))
+        for one in found
+        for rival in one.rivals
+        if rival.alias
+    ]
     told = {*named, *(name for one in found for name in one.indistinguishable_from)}
     refused = {name: why for name, why in made.searcher.refused.items() if name not in told}
     plan = planned(problem, made.final, made.whitening, pairs, fit, limits)

@@ -41,7 +41,9 @@ from scipy.linalg import solve_toeplitz
 from scipy.optimize import minimize
 from scipy.signal import freqz
 
+from flexspline import _core
 from flexspline.effects import CATALOGUE, Effect
+from flexspline.effects.causes import GRAVITY, ONE_SINE, OUTPUT_RIPPLE
 from flexspline.experiment.plan import (
     ENOUGH,
     TAKEN,
@@ -75,6 +77,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Bench",
     "at_coarser_rate",
+    "in_any_run",
     "planned",
     "refined",
 ]
@@ -135,6 +138,17 @@ def planned(
     bounds = bounds_of(problem, limits or Limits(), reads)
     bench = _bench(problem, pieces, times, layout, whitening, reads, bounds.velocity)
     return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
+
+
+def in_any_run(named: str, rival: Effect) -> Effect:
+    """Return a rival that recorded runs left, with what other runs would let it have.
+
+    Over less than half a turn no order 1 of the output is tried, and a ripple of others stands for
+    gravity. A wider run ends that, and order 1 takes their place, which is gravity's own function.
+    """
+    if named != GRAVITY or rival.name != OUTPUT_RIPPLE or ONE_SINE in rival.harmonics:
+        return rival
+    return rival.with_orders([ONE_SINE, *rival.harmonics][: _core.max_harmonics])
 
 
 def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
