@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from confounded_logs import LOAD, RATE, RIGS, WIDTH, Rig, random_excitation
+from driven_joint import driven, waves
 from fit_logs import autoregressive
 from measured import ur10e
 
@@ -18,12 +20,14 @@ import flexspline
 from flexspline import Limits, Model, Part, Plan, _core
 from flexspline.cli import commands
 from flexspline.effects import effect
-from flexspline.experiment import recording
+from flexspline.experiment import _prepared, recording
 from flexspline.experiment.plan import Bounds, over
-from flexspline.experiment.planning import in_any_run
+from flexspline.experiment.planning import Bench, Layout, Trust, in_any_run
 from flexspline.experiment.recording import _kinds
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
+from flexspline.prepared import Preparation
+from flexspline.regression.gram import Whitening
 
 ANGLE, MOTOR = "a load tied to the angle", "a motor that follows the load"
 CLOCK, WEIGHT = "a warm-up that follows the clock", "a weight of its own"
@@ -289,6 +293,42 @@ def test_the_words_say_the_angles_of_the_trajectory_at_any_rate(rate: float) -> 
         made = recording.Excitation(kind, draw.uniform(size=3), setting)
         q = recording.commanded(made, bounds, rate)["output_position"]
         assert over(q.min(), q.max()) in made.words(bounds)
+
+
+def test_a_planned_run_of_a_drive_counts_the_rows_that_a_fit_counts() -> None:
+    """To and fro at one speed for six seconds, then at rest; the motion is read at −3 dB at 5 Hz.
+
+    No filter at 2.5 Hz reaches over 0.42 s, 1.05 / B (`logs/derive.py`).
+    """
+    ways = tuple(
+        Preparation(name, "output_position", 5.0) for name in ("output_velocity", "output_position")
+    )
+    friction = (effect("coulomb_friction", direction_width=0.01), effect("viscous_friction"))
+    part = Part("motor_torque", friction, np.array([4.0, 6.0]))
+    problem, work = _prepared(part, [], [driven(waves(), 0.0, 0.6)], None)
+    time = np.arange(1000) / 100.0
+    moving, ahead = time < 6.0, np.mod(time, 2.0) < 1.0
+    columns = {
+        "time": time,
+        "output_position": np.where(moving, 0.5 * np.abs(np.mod(time - 1.0, 2.0) - 1.0), 0.0),
+        "output_velocity": np.where(moving, np.where(ahead, 0.5, -0.5), 0.0),
+    }
+    counted = {}
+    for resolved in (None, 0.1):
+        bench = Bench(
+            replace(problem, preparations=ways), Layout(work, (), ()),
+            Whitening(np.ones(1), 1.0, 1), Trust(np.empty(0), np.ones(1)), 100.0, None,
+            np.zeros((2, 2)), resolved,
+        )  # fmt: skip
+        (run,) = bench.as_read(columns).runs
+        counted[resolved] = np.zeros(1000, dtype=bool)
+        for first, last in run.stretches:
+            counted[resolved][first:last] = True
+    assert counted[None][:550].all() and not counted[None][700:].any()
+    beside = np.abs(time - np.round(time))  # s from the next reversal
+    inside = (time > 0.5) & (time < 5.5)
+    blurred = inside & (beside > 0.04) & (beside < 0.08)
+    assert not counted[0.1][blurred].any() and counted[0.1][inside & (beside > 0.43)].all()
 
 
 def test_a_joint_whose_angle_is_not_recorded_rests() -> None:
