@@ -294,7 +294,7 @@ class Model:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
         warnings = (
-            *said, *part_warnings(part), *_without_load(part, log), *range_warnings(part, log)
+            *said, *part_warnings(part), *_without_load(part, log), *range_warnings(part, inputs)
         )  # fmt: skip
         time = np.asarray(log["time"])
         return Prediction(time, measured, predicted, part.target, part.unit, warnings)

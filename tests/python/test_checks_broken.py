@@ -238,7 +238,7 @@ CASES = {
         "motor_position",
         None,
         "the other way",
-        "reverse_motor",
+        "flip_sign=motor_position",
     ),
     "motor in degrees": Case(
         times("motor_position", 180 / np.pi),
@@ -314,6 +314,53 @@ def test_each_broken_log_is_noticed_with_its_size(case: Case) -> None:
         assert finding.size == pytest.approx(case.size, rel=0.05)
 
 
+def turned(*channels: str) -> Callable[[Columns], object]:
+    def change(columns: Columns) -> None:
+        columns["motor_velocity"] = np.gradient(columns["motor_position"], columns["time"])
+        for name in channels:
+            columns[name] = -columns[name]
+
+    return change
+
+
+MOTOR_ANGLES, MOTOR_TORQUES = (
+    ("motor_position", "motor_velocity"),
+    ("motor_torque", "motor_current"),
+)
+
+
+def test_a_motor_s_encoder_that_is_reversed_alone_is_turned_alone() -> None:
+    log = broken(turned(*MOTOR_ANGLES))
+    (finding,) = check(log).named("motor_reversed")
+    wanted = [f"flip_sign={name}" for name in MOTOR_ANGLES]
+    assert ASKED.findall(finding.remedy) == wanted
+    whole = check(repaired(log, wanted))
+    assert not whole.named("motor_reversed") and not whole.named("torque_sign")
+    assert not whole.named("velocity_sign")
+    wrong = check(repaired(log, "reverse_motor")).named("torque_sign")
+    assert {finding.channel for finding in wrong} == {*MOTOR_TORQUES}
+
+
+def test_a_motor_that_is_reversed_with_its_torque_is_turned_as_a_whole() -> None:
+    log = broken(turned(*MOTOR_ANGLES, *MOTOR_TORQUES))
+    found = check(log)
+    asked = [*found.named("motor_reversed"), *found.named("torque_sign")]
+    assert len(asked) == 3
+    assert {one for finding in asked for one in ASKED.findall(finding.remedy)} == {"reverse_motor"}
+    whole = check(repaired(log, "reverse_motor"))
+    assert not whole.named("motor_reversed") and not whole.named("torque_sign")
+
+
+def test_what_one_direction_does_not_tell_of_the_torque_s_sign_is_asked_for() -> None:
+    log = broken(turned(*MOTOR_ANGLES))
+    one_way = log.with_columns(
+        {name: np.ones(len(log)) for name in MOTOR_TORQUES}, note="no torque"
+    )
+    (finding,) = check(one_way).named("motor_reversed")
+    assert "flip_sign=motor_position" in finding.remedy and "reverse_motor" in finding.remedy
+    assert finding.remedy.endswith("this run does not tell.")
+
+
 ASKED = re.compile(r"repair (\w+(?:=[\w:.+-]*\w)?)")  # the full stop ends the sentence
 
 
@@ -329,6 +376,7 @@ ASKED = re.compile(r"repair (\w+(?:=[\w:.+-]*\w)?)")  # the full stop ends the s
         (late("output_velocity", 0.04), "velocity_delay", "shift=output_velocity:0.04"),
         (late("output_velocity", 0.04), "velocity_delay", "velocity_from_position"),
         (times("motor_torque", -1), "torque_sign", "flip_sign=motor_torque"),
+        (times("motor_position", -1), "motor_reversed", "flip_sign=motor_position"),
     ],
 )
 def test_the_remedy_mends_what_was_found(

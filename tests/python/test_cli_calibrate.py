@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import calibration_logs as bench
@@ -10,6 +11,7 @@ import pytest
 from cli_calls import call
 
 import flexspline
+from flexspline.estimation import with_sensor_torque
 from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
@@ -123,3 +125,51 @@ def test_runs_without_load_end_with_0_and_the_reason(tmp_path: Path, runs: list[
     assert result.exit_code == 0
     assert "the reference never leaves zero" in result.stdout
     assert Model.load(tmp_path / "drift" / "model.json").estimators == {}
+
+
+PER_KELVIN = 1e-3  # by which the gain of a warmer bridge is larger, 1/K
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_gain_that_changes_with_temperature_is_fitted_by_the_command_that_is_named(
+    tmp_path: Path,
+) -> None:
+    paths = []
+    for number, warmth in enumerate((15.0, 25.0, 40.0)):
+        log = bench.load_run(bench.QUIET, seed=number, count=1, temperature=warmth)
+        more = PER_KELVIN * (log["temperature"] - 25.0) * log["reference_torque"]
+        voltage = log["sensor_voltage"] + more / bench.SENSITIVITY
+        paths.append(tmp_path / f"at{warmth:.0f}.csv")
+        write_log(log.with_columns({"sensor_voltage": voltage}, note="a warmer bridge"), paths[-1])
+    first, second = tmp_path / "first", tmp_path / "second"
+    told = " ".join(call("calibrate", *paths, "--out", first).stdout.split())
+    named = re.search(r"flexspline fit RUN\.csv\.\.\. (.*?) \(with the runs", told)
+    assert named is not None
+    given = named[1].replace("DIR2", str(second)).replace("DIR/", f"{first}/").split()
+    made = call("fit", *paths, *given)
+    assert made.exit_code == 0, made.stderr
+    (gain,) = (
+        row["value"]
+        for row in Model.load(second / "model.json").part("sensor_torque").record["parameters"]
+        if row["name"] == "gain_temperature_dependence.gain"
+    )
+    assert gain == pytest.approx(PER_KELVIN, rel=0.05)
+    wrong = {}
+    for folder in (first, second):
+        model = Model.load(folder / "model.json")
+        left = [
+            flexspline.estimate(model, log)["external_torque_sensor"] - log["reference_torque"]
+            for log in map(flexspline.read_log, paths)
+        ]
+        wrong[folder] = np.sqrt(np.mean(np.concatenate(left) ** 2))
+    assert wrong[second] < 0.2 * wrong[first]
+
+
+def test_a_torque_that_was_recorded_is_not_read_from_the_voltage_again() -> None:
+    log = bench.load_run()
+    model = flexspline.calibrate([log, bench.drift_run(cooling=True)], full_scale=70.0).model
+    recorded = log.with_columns({"sensor_torque": log["reference_torque"]}, note="recorded")
+    assert with_sensor_torque(model, recorded) is recorded
+    assert with_sensor_torque(Model({}, {}), log) is log
+    made = with_sensor_torque(model, log)
+    assert np.array_equal(made["sensor_torque"], flexspline.estimate(model, log)["sensor_torque"])

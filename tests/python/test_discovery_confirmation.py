@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
@@ -24,11 +25,13 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
 from flexspline.effects.causes import LAG
+from flexspline.formatting import padded
 from flexspline.least_squares.linear import UnsettledError
 from flexspline.least_squares.result import Fit, wald
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
 from flexspline.regression.candidate_model import fall_of, rmse_error
+from flexspline.report.discovery import discovery_html, verdict
 
 Array = NDArray[np.float64]
 
@@ -707,6 +710,29 @@ def test_friction_that_differs_between_directions_is_reported_and_names_nothing(
     assert abs(value - 0.5 * FORWARD * VISCOUS) < 4.0 * error < 0.1 * value
     assert DIRECTIONS in str(made.fit)
     assert DIRECTIONS not in made.base_effects
+    said, without = verdict(made), made.without_directions
+    assert without is not None and said.startswith("Nothing else ")
+    assert "friction differs between directions (viscosity by " in said
+    assert said.endswith(f"; without it about {padded(without)} Nm.")
+    assert said in " ".join(str(made).split()) and said in discovery_html(made)
+
+
+def test_the_error_without_friction_by_direction_is_that_of_a_fit_without_it() -> None:
+    logs = runs(added=one_sided)
+    made = found(base(), logs)
+    plain = flexspline.fit(base(), logs, "sensor_torque", known_load=LOAD)
+    left = np.concatenate([run.measured - run.predicted for run in plain.runs])
+    assert made.without_directions is not None and made.final_rmse < 0.5 * made.without_directions
+    assert made.without_directions == pytest.approx(np.sqrt(np.mean(left**2)), rel=0.05)
+
+
+def test_friction_that_differs_by_next_to_nothing_is_not_in_the_headline() -> None:
+    made = found(base(), runs(added=one_sided))
+    little = made.final_rmse / (1.0 - 0.99 * SETTINGS.negligible)
+    for without in (little, None):
+        said = verdict(replace(made, without_directions=without))
+        assert said.startswith("Nothing is missing ") and "directions" not in said
+    assert "Friction differs between directions" in str(replace(made, without_directions=little))
 
 
 @pytest.mark.parametrize("grows", [True, False])

@@ -487,6 +487,19 @@ def test_a_headline_names_what_explains_the_runs_as_well() -> None:
     assert "may lack motor_crosstalk at 40 %: RMSE" in verdict(replace(found(), found=(several,)))
 
 
+def test_a_headline_with_names_says_too_that_friction_differs_between_directions() -> None:
+    made, name = found(), "direction_dependent_friction.viscosity"
+    more = replace(
+        made.fit.parameters[0], name=name, value=0.05, standard_error=0.001, unit="Nm·s/rad"
+    )
+    fit = replace(made.fit, parameters=(*made.fit.parameters, more))
+    said = verdict(replace(made, fit=fit, without_directions=2.0 * made.final_rmse))
+    assert said == (
+        f"{verdict(made)} Besides, friction differs between directions (viscosity by "
+        "0.1000 ± 0.0020 Nm·s/rad, below); both errors are with that in the model."
+    )
+
+
 def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> None:
     made = replace(found(), found=(), doubted=("presliding_friction",), unexplained=None)
     said = str(made)

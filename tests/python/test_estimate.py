@@ -31,6 +31,7 @@ from figure_layout import figure_faults
 import flexspline
 from flexspline import Collision, Compliance, InputError, Observer, effect
 from flexspline.estimation import MEANING, Status
+from flexspline.estimators import TemperatureCompensation
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.prepared import Preparation
@@ -187,6 +188,26 @@ def test_a_log_without_anything_to_read_is_refused() -> None:
     log = without(raw_log(500), "sensor_voltage", "sensor_torque")
     with pytest.raises(InputError, match=r"no row has all that external_torque_sensor read"):
         flexspline.estimate(joint(CALIBRATION), log)
+
+
+@pytest.mark.parametrize(
+    ("lacks", "named"),
+    [
+        (("temperature",), "temperature"),
+        (("sensor_voltage", "sensor_torque"), r"sensor_voltage \(or sensor_torque\)"),
+        (
+            ("sensor_voltage", "sensor_torque", "temperature"),
+            r"sensor_voltage \(or sensor_torque\), temperature",
+        ),
+    ],
+)
+def test_channels_without_which_nothing_can_be_estimated_are_named(
+    lacks: tuple[str, ...], named: str
+) -> None:
+    model = joint(CALIBRATION, TemperatureCompensation((0.1,), temperature_range=(0.0, 80.0)))
+    log = without(raw_log(500), "sensor_torque", *lacks)
+    with pytest.raises(InputError, match=rf"; map columns to {named}$"):
+        flexspline.estimate(model, log)
 
 
 def test_a_channel_that_is_empty_in_all_rows_is_named_where_nothing_can_be_estimated() -> None:

@@ -267,6 +267,24 @@ def test_rows_outside_of_the_runs_of_the_fit_are_counted() -> None:
     assert "output_velocity from 1.6 to 1.6 rad/s (fitted from -1 to 1)" in said
 
 
+def test_the_speed_of_a_run_of_positions_alone_counts() -> None:
+    fast = run(np.full(400, 4.0))
+    positions = Log.from_arrays(
+        facts=dict(fast.facts), time=TIME, output_position=fast["output_position"]
+    )
+    (said,) = model(SOUND).predict(positions).warnings
+    assert said.startswith("log 'run 7': 400 of 400 rows lie outside of what the model")
+    assert "output_velocity from 4 to 4 rad/s (fitted from -1 to 1)" in said
+
+
+def test_the_noise_of_a_channel_that_the_model_reads_smoothed_is_no_extrapolation() -> None:
+    way = {"channel": "output_velocity", "source": "output_velocity", "bandwidth": 2.0}
+    made = replace(SOUND, record={**SOUND.record, "prepared": [way]})
+    noisy = run(np.sin(TIME) + 0.3 * np.random.default_rng(1).standard_normal(400))
+    assert np.abs(noisy["output_velocity"]).max() > 1.1
+    assert model(made).predict(noisy).warnings == ()
+
+
 @pytest.mark.parametrize(("beyond", "warned"), [(0.09, 0), (0.11, 1)])
 def test_the_noise_of_a_reading_at_the_edge_is_no_extrapolation(beyond: float, warned: int) -> None:
     assert len(range_warnings(SOUND, run(np.full(400, 1.0 + beyond)))) == warned

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from confounded_logs import LOAD, RATE, RIGS, WIDTH, Rig, random_excitation
+from driven_joint import driven, waves
 from fit_logs import autoregressive
 from measured import ur10e
 
 import flexspline
-from flexspline import Limits, Model, Part, Plan
+from flexspline import Limits, Model, Part, Plan, _core
 from flexspline.cli import commands
 from flexspline.effects import effect
-from flexspline.experiment import recording
+from flexspline.experiment import _prepared, recording
 from flexspline.experiment.plan import Bounds, over
+from flexspline.experiment.planning import Bench, Layout, Trust, in_any_run
 from flexspline.experiment.recording import _kinds
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
+from flexspline.prepared import Preparation
+from flexspline.regression.gram import Whitening
 
 ANGLE, MOTOR = "a load tied to the angle", "a motor that follows the load"
 CLOCK, WEIGHT = "a warm-up that follows the clock", "a weight of its own"
@@ -97,7 +104,39 @@ def test_the_planned_run_added_the_right_cause_is_named_alone(name: str) -> None
 def test_gravity_and_a_first_order_of_the_output_need_another_mounting() -> None:
     made = plan(WEIGHT)
     assert made.expected < 0.05
-    assert "gravity and output_ripple" in made.sentence and "upright" in made.sentence
+    assert "No motion tells gravity and output_ripple apart, within any limits" in made.sentence
+    assert "upright" in made.sentence and "Another payload" in made.sentence
+
+
+def test_other_orders_that_stand_for_gravity_over_part_of_a_turn_promise_no_run() -> None:
+    """Runs over a whole turn let the ripple have order 1, whatever orders it has in these."""
+    narrow = effect("output_ripple", orders=[2, 3])
+    asked = flexspline.next_experiment(fitted(WEIGHT), ("gravity", narrow), recorded(WEIGHT))
+    assert asked is not None and asked.expected > 3.0  # of these orders alone a run does tell it
+
+    found = SimpleNamespace(
+        fit=fitted(WEIGHT),
+        model=fitted(WEIGHT).model,
+        found=[
+            SimpleNamespace(
+                effect="gravity",
+                rivals=[SimpleNamespace(effect=narrow, name=narrow.name)],
+                indistinguishable_from=[narrow.name],
+            )
+        ],
+    )
+    made = flexspline.next_experiment(cast(Any, found), None, recorded(WEIGHT))
+    assert made is not None and made.outlooks[0].expected < 0.05
+    assert "Record" not in made.sentence.split(":")[0] and "upright" in made.sentence
+
+
+def test_a_rival_gets_order_1_beside_gravity_alone_and_keeps_its_own() -> None:
+    ripple = effect("output_ripple", orders=[2, 3])
+    wide = in_any_run("gravity", ripple)
+    assert [order for order, _ in wide.harmonics] == [1, 2, 3]
+    assert in_any_run("gravity", wide) == wide and in_any_run("inertia", ripple) == ripple
+    full = effect("output_ripple", orders=range(2, 2 + _core.max_harmonics))
+    assert len(in_any_run("gravity", full).harmonics) == _core.max_harmonics
 
 
 def test_where_the_limits_are_too_tight_the_one_that_binds_is_named() -> None:
@@ -254,6 +293,42 @@ def test_the_words_say_the_angles_of_the_trajectory_at_any_rate(rate: float) -> 
         made = recording.Excitation(kind, draw.uniform(size=3), setting)
         q = recording.commanded(made, bounds, rate)["output_position"]
         assert over(q.min(), q.max()) in made.words(bounds)
+
+
+def test_a_planned_run_of_a_drive_counts_the_rows_that_a_fit_counts() -> None:
+    """To and fro at one speed for six seconds, then at rest; the motion is read at −3 dB at 5 Hz.
+
+    No filter at 2.5 Hz reaches over 0.42 s, 1.05 / B (`logs/derive.py`).
+    """
+    ways = tuple(
+        Preparation(name, "output_position", 5.0) for name in ("output_velocity", "output_position")
+    )
+    friction = (effect("coulomb_friction", direction_width=0.01), effect("viscous_friction"))
+    part = Part("motor_torque", friction, np.array([4.0, 6.0]))
+    problem, work = _prepared(part, [], [driven(waves(), 0.0, 0.6)], None)
+    time = np.arange(1000) / 100.0
+    moving, ahead = time < 6.0, np.mod(time, 2.0) < 1.0
+    columns = {
+        "time": time,
+        "output_position": np.where(moving, 0.5 * np.abs(np.mod(time - 1.0, 2.0) - 1.0), 0.0),
+        "output_velocity": np.where(moving, np.where(ahead, 0.5, -0.5), 0.0),
+    }
+    counted = {}
+    for resolved in (None, 0.1):
+        bench = Bench(
+            replace(problem, preparations=ways), Layout(work, (), ()),
+            Whitening(np.ones(1), 1.0, 1), Trust(np.empty(0), np.ones(1)), 100.0, None,
+            np.zeros((2, 2)), resolved,
+        )  # fmt: skip
+        (run,) = bench.as_read(columns).runs
+        counted[resolved] = np.zeros(1000, dtype=bool)
+        for first, last in run.stretches:
+            counted[resolved][first:last] = True
+    assert counted[None][:550].all() and not counted[None][700:].any()
+    beside = np.abs(time - np.round(time))  # s from the next reversal
+    inside = (time > 0.5) & (time < 5.5)
+    blurred = inside & (beside > 0.04) & (beside < 0.08)
+    assert not counted[0.1][blurred].any() and counted[0.1][inside & (beside > 0.43)].all()
 
 
 def test_a_joint_whose_angle_is_not_recorded_rests() -> None:

@@ -509,7 +509,9 @@ def _gain(result: CalibrationResult) -> Iterator[str]:
         f"the gain changes with temperature, by {size} %/K between {test.low:.3g} and "
         f"{test.high:.3g} °C, which the calibration takes for constant: at {largest:.3g} Nm the "
         f"reading is off by up to {off:.2g} Nm; calibrate at the temperature at which the joint "
-        "works, or fit gain_temperature_dependence to sensor_torque"
+        "works, or fit the gain too: flexspline fit RUN.csv... --into DIR/model.json --out DIR2 "
+        "--target sensor_torque --known-load reference_torque --effects "
+        "gain_error,gain_temperature_dependence (with the runs and DIR of this calibration)"
     )
 
 

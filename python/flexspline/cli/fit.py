@@ -289,7 +289,8 @@ def fit(
     rows. Prints the verdict: each term with its error and unit, what is indistinguishable in these
     runs, and where the error is largest. DIR receives model.json (the joint, all that predict and
     export need) and report.html (open it in a browser). A fit by simulation goes on from there
-    until the simulated motion is the measured one, and leaves the law as servo.json.
+    until the simulated motion is the measured one, and leaves the law as servo.json. A
+    sensor_torque that runs lack is read from their sensor_voltage by the calibration of --into.
 
     A run is a CSV file with one line of channel names (time, output_position, output_velocity,
     sensor_torque, ...) in SI units; lines "# gear_ratio: 100" above it give facts, which the
@@ -309,6 +310,7 @@ def fit(
       flexspline fit robot.csv --columns map.toml --joint all --target sensor_torque \\
           --effects offset,coulomb_friction,viscous_friction --out robot
     """
+    from flexspline.estimation import with_sensor_torque
     from flexspline.fitting import fit as fit_effects
     from flexspline.fitting import with_orders
     from flexspline.least_squares.options import FitOptions, MotionOptions
@@ -321,6 +323,8 @@ def fit(
     with whole_folder(out, last="model.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)
+        if model is not None and target == "sensor_torque":
+            logs = [with_sensor_torque(model, log) for log in logs]
         shared = {
             "known_load": options["known_load"],
             "lowpass": options["lowpass"],

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.candidates import ONE_SINE
 from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -28,10 +27,10 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
-from flexspline.effects.causes import GRAVITY
+from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
 from flexspline.errors import listed
 from flexspline.experiment.plan import Limits
-from flexspline.experiment.planning import planned
+from flexspline.experiment.planning import in_any_run, planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.result import wald
@@ -39,7 +38,7 @@ from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.candidate_model import held_out, rmse_error
-from flexspline.regression.gram import TINY, by_runs
+from flexspline.regression.gram import TINY, by_runs, left_by
 
 __all__ = ["assembled", "where"]
 
@@ -150,7 +149,12 @@ def assembled(
         for group in [made.final.named[first:last]]
         for effect in group
     ]
-    pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
+    pairs = [
+        (one.effect, in_any_run(one.effect, rival.effect))
+        for one in found
+        for rival in one.rivals
+        if rival.alias
+    ]
     told = {*named, *(name for one in found for name in one.indistinguishable_from)}
     refused = {name: why for name, why in made.searcher.refused.items() if name not in told}
     plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
@@ -178,7 +182,29 @@ def assembled(
         rows=rows,
         searched=made.searched,
         dependences=made.tied,
+        without_directions=_without_directions(made, steps[-1]),
     )
+
+
+def _without_directions(made: Analysis, rmse: float) -> float | None:
+    """The error without friction by direction, from that with it; None where it is in no model.
+
+    What this friction adds to the rows and no other column of the model takes over joins the error.
+    """
+    problem, work = made.part.problem, made.final
+    owners = np.array(work.owners())
+    if FRICTION_BY_DIRECTION not in owners:
+        return None
+    other, rows = np.flatnonzero(owners != FRICTION_BY_DIRECTION), 0
+    products = np.zeros((len(other) + 1, len(other) + 1))
+    for number, added in enumerate(contribution(problem, work, FRICTION_BY_DIRECTION)):
+        counted = np.isfinite(added)
+        columns = work.rows(problem, number)[0][:, other]
+        both = np.column_stack((columns, added))[counted]
+        products += both.T @ both
+        rows += int(counted.sum())
+    left = left_by(products, np.arange(len(other)))[-1, -1]
+    return float(np.sqrt(rmse**2 + max(float(left), 0.0) / rows))
 
 
 def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tuple[HeldRun, ...]:

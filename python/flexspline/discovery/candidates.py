@@ -32,6 +32,7 @@ from flexspline.effects.causes import (
     MODULATED_RIPPLE,
     MOTOR_RIPPLES,
     OFFSET,
+    ONE_SINE,
     OUTPUT_RIPPLE,
     WAVE_GENERATOR_RIPPLE,
 )
@@ -46,7 +47,7 @@ from flexspline.orders.parts import Pair, owner, pairs
 from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
-__all__ = ["EXCLUDED", "ONE_SINE", "TAKEN", "Candidate", "SeenOrders", "candidates_for",
+__all__ = ["EXCLUDED", "TAKEN", "Candidate", "SeenOrders", "candidates_for",
            "freedoms", "held_of", "order_candidates", "possible", "scanned", "span_of", "unseen",
            "unseen_of", "with_freedoms"]  # fmt: skip
 
@@ -130,7 +131,6 @@ def _both_ways(logs: Sequence[Log]) -> bool:
     return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)
 
 
-ONE_SINE = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
 WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
 

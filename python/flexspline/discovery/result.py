@@ -282,6 +282,8 @@ class Discovery(Rendered):
     by : "regression" of the target; or "simulation": all errors are of the output's angle, rad.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: spurious names, of an unexplained cause.
+    without_directions : `final_rmse` of a model whose friction is the same in both directions;
+        None where the model has no friction by direction.
     """
 
     _kind: ClassVar = "discovery"
@@ -310,6 +312,7 @@ class Discovery(Rendered):
     by: str = "regression"
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
     dependences: tuple[Dependence, ...] = ()
+    without_directions: float | None = None
 
     @property
     def model(self) -> Model:

@@ -30,7 +30,6 @@ from flexspline.discovery.basis import (
 )
 from flexspline.discovery.candidates import (
     EXCLUDED,
-    ONE_SINE,
     TAKEN,
     Candidate,
     SeenOrders,
@@ -62,6 +61,7 @@ from flexspline.effects import CATALOGUE, UNITS, Effect, Harmonic
 from flexspline.effects.causes import (
     COULOMB,
     GRAVITY,
+    ONE_SINE,
     PRESLIDING,
     STRIBECK,
     WAVE_GENERATOR_RIPPLE,

@@ -36,6 +36,7 @@ __all__ = [
     "MODULATED_RIPPLE",
     "MOTOR_RIPPLES",
     "OFFSET",
+    "ONE_SINE",
     "OUTPUT_RIPPLE",
     "POLYNOMIAL_FRICTION",
     "PRESLIDING",
@@ -73,6 +74,8 @@ MOTOR_RIPPLES = _all(
 )
 """What turns with the motor and is no kinematic error: `MODULATED_RIPPLE` follows their orders."""
 OUTPUT_RIPPLE = _one(lambda info: info.reads == ("output_position",) and bool(info.pairs))
+ONE_SINE = (1, "output_on_housing")
+"""The order of `OUTPUT_RIPPLE` that is the same function of the angle as `GRAVITY`."""
 KINEMATIC_ERROR = _one(lambda info: info.targets == "D" and bool(info.pairs))
 COULOMB_PER_DIRECTION = _one(lambda info: bool(info.combines))
 PRESLIDING = _one(lambda info: info.traits.loop and info.reads == ("output_position",))

@@ -560,6 +560,28 @@ def estimate(
     return Estimates(made, tuple(_reference(one, speed_above) for one in logs), speed_above, slow)
 
 
+def with_sensor_torque(model: Model, log: Log) -> Log:
+    """Return a log with the torque that a calibrated model reads from its sensor's voltage, Nm.
+
+    Compensated for temperature where the model does that; what its part for the sensor tells is
+    still in it. A log that has a sensor_torque, or no voltage, stays as it is, and so does any
+    beside a model without a calibration.
+
+    Raises
+    ------
+    InputError
+        As `estimate` does.
+    """
+    made = "sensor_torque" in log or "sensor_voltage" not in log
+    if made or "calibration" not in model.estimators:
+        return log
+    found = estimate(model, log)
+    return log.with_columns(
+        {"sensor_torque": found["sensor_torque"]},
+        note="sensor_torque from sensor_voltage by the calibration of the model that it is for",
+    )
+
+
 def _slow(log: Log, least: float) -> NDArray[np.bool_]:
     return output_speed(log, least) < least
 
@@ -661,9 +683,19 @@ def _require_something(
             f"{len(log)} rows; map columns that hold values"
         )
     why = f" ({said[-1]})" if said else ""
-    raise InputError(
-        f"{lacks}{why}; it has {listed(log.channels)}; map the columns that are missing"
-    )
+    missing = listed(_not_mapped(plan, log)) or "what is missing"
+    raise InputError(f"{lacks}{why}; it has {listed(log.channels)}; map columns to {missing}")
+
+
+def _not_mapped(plan: Plan, log: Log) -> list[str]:
+    """Return the readings that a chain needs and a log lacks, with what does as well."""
+    other = {"thermistor_voltage": "temperature", "sensor_voltage": "sensor_torque"}
+    words = {name: f"{name} (or {another})" for name, another in other.items()}
+    return [
+        words.get(name, name)
+        for name in sorted(readings_of(plan))
+        if name not in log and other.get(name) not in log
+    ]
 
 
 def run_joint(

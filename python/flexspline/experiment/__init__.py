@@ -101,12 +101,13 @@ def next_experiment(
 
 def _declared(given: Model | Fit | Discovery) -> list[tuple[str, Effect]]:
     """Pairs that a discovery declared indistinguishable."""
+    from flexspline.experiment.planning import in_any_run
     from flexspline.least_squares.result import Fit
 
     if isinstance(given, (Model, Fit)):
         return []
     return [
-        (one.effect, rival.effect)
+        (one.effect, in_any_run(one.effect, rival.effect))
         for one in given.found
         for rival in one.rivals
         if rival.name in one.indistinguishable_from

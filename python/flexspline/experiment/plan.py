@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE
-from flexspline.effects.causes import GRAVITY
+from flexspline.effects.causes import GRAVITY, OUTPUT_RIPPLE
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.formatting import short_names
 from flexspline.lazy import render
@@ -420,6 +420,10 @@ def _open(one: Outlook, run: str | None) -> str:
         return f"{said}{_doubled(one, '± ')}."
     who = f"{one.names[0]} and {one.names[1]}"
     if one.doubled is None and one.expected < ALIKE:
+        if {*one.names} == {GRAVITY, OUTPUT_RIPPLE}:
+            same = f"order 1 of {OUTPUT_RIPPLE} and {GRAVITY} are the same function of the angle"
+            said = f"No motion tells {who} apart, within any limits: {same}.{_mounting(one)}"
+            return f"{said} Another payload changes {GRAVITY} alone."
         said = f"No motion within these limits or twice as wide ones tells {who} apart (t = 0)"
         return f"{said}: all that can be commanded acts on both alike.{_mounting(one)}"
     reached = f"t = {_t(one.expected)} ({_now(one)})"

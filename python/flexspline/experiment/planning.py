@@ -41,7 +41,9 @@ from scipy.linalg import solve_toeplitz
 from scipy.optimize import minimize
 from scipy.signal import freqz
 
+from flexspline import _core
 from flexspline.effects import CATALOGUE, Effect
+from flexspline.effects.causes import GRAVITY, ONE_SINE, OUTPUT_RIPPLE
 from flexspline.experiment.plan import (
     ENOUGH,
     TAKEN,
@@ -62,10 +64,13 @@ from flexspline.experiment.recording import (
     settings,
 )
 from flexspline.least_squares.options import coefficient_names
-from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.problem import Problem, Run, coarser
+from flexspline.logs.checks.ends import at_work
 from flexspline.logs.local_fit import WIDEST
 from flexspline.logs.log import Log
+from flexspline.logs.segments import true_ranges
 from flexspline.parallel import in_order
+from flexspline.prepared import MOTION
 from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import SINGULAR, Columns, Whitening, left_by
 
@@ -75,6 +80,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Bench",
     "at_coarser_rate",
+    "in_any_run",
     "planned",
     "refined",
 ]
@@ -135,6 +141,17 @@ def planned(
     bounds = bounds_of(problem, limits or Limits(), reads)
     bench = _bench(problem, pieces, times, layout, whitening, reads, bounds.velocity)
     return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
+
+
+def in_any_run(named: str, rival: Effect) -> Effect:
+    """Return a rival that recorded runs left, with what other runs would let it have.
+
+    Over less than half a turn no order 1 of the output is tried, and a ripple of others stands for
+    gravity. A wider run ends that, and order 1 takes their place, which is gravity's own function.
+    """
+    if named != GRAVITY or rival.name != OUTPUT_RIPPLE or ONE_SINE in rival.harmonics:
+        return rival
+    return rival.with_orders([ONE_SINE, *rival.harmonics][: _core.max_harmonics])
 
 
 def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
@@ -273,7 +290,31 @@ def _bench(
     coarse, slower = at_coarser_rate(whitening, rate, fastest, problem.lowpass)
     trust = trust_of(pieces, layout.work, whitening)
     before = products(layout, pieces, whitening, trust, times)
-    return Bench(problem, layout, coarse, trust, slower, motor, before)
+    return Bench(problem, layout, coarse, trust, slower, motor, before, _resolved(problem))
+
+
+def _resolved(problem: Problem) -> float | None:
+    """The most by which smoothing further moves a recorded row that counts; None if not looked at.
+
+    The rows that count are those where it is within the noise (`resolved_rows`).
+    """
+    moved = [
+        float(np.abs(run.blur[first:last]).max())
+        for run in problem.runs
+        if run.blur is not None
+        for first, last in run.stretches
+    ]
+    return max(moved, default=None)
+
+
+def _only(run: Run, counts: NDArray[np.bool_]) -> Run:
+    """The run with those of its rows that count."""
+    kept = [
+        (first + int(a), first + int(b))
+        for first, last in run.stretches
+        for a, b in true_ranges(counts[first:last])
+    ]
+    return replace(run, stretches=tuple(kept), unbroken=tuple(kept), whole=run.unbroken)
 
 
 def _rivalry(
@@ -305,7 +346,11 @@ def _undetermined(fit: Fit | None, pairs: Sequence[tuple[str, Effect]]) -> list[
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Everything that a planned run is judged by. `before`: products (C, C) of recorded runs."""
+    """Everything that a planned run is judged by.
+
+    `before`: products (C, C) of recorded runs. `resolved`: by how much a prediction changes at most
+    in rows that count, with the motion smoothed further; None where all are resolved.
+    """
 
     problem: Problem
     layout: Layout
@@ -314,11 +359,26 @@ class Bench:
     rate: float
     motor: Motor | None
     before: Array
+    resolved: float | None = None
 
     def gained(self, columns: dict[str, Array]) -> Array:
         """Products (C, C) of a planned run."""
-        problem = as_problem(columns, self.problem, self.layout.effects, self.motor)
-        return products(self.layout, problem, self.whitening, self.trust)
+        return products(self.layout, self.as_read(columns), self.whitening, self.trust)
+
+    def as_read(self, columns: dict[str, Array]) -> Problem:
+        """A planned run with the rows that a fit would count: in motion, and resolved."""
+        ways = [way for way in self.problem.preparations if way.channel in MOTION]
+        smoothed = partial(as_problem, columns, self.problem, self.layout.effects, self.motor)
+        made, further = smoothed(ways), smoothed(coarser(ways))
+        moving = at_work([run.log for run in made.runs], made.target)
+        kept = []
+        for number, run in enumerate(made.runs):
+            counts = np.ones(len(run), dtype=bool) if moving is None else moving[number]
+            if self.resolved is not None:
+                both = (self.layout.work.predict(one, number) for one in (made, further))
+                counts = counts & (np.abs(np.subtract(*both)) <= self.resolved)
+            kept.append(_only(run, counts))
+        return replace(made, runs=tuple(kept))
 
     @property
     def now(self) -> tuple[float, ...]:

@@ -42,8 +42,10 @@ from flexspline.errors import InputError
 from flexspline.experiment.plan import LEAST_KELVIN, Bounds, Range, joined, over, short
 from flexspline.least_squares.problem import Problem, Run, kept_rows, problem_of
 from flexspline.logs.derive import lowpass
+from flexspline.logs.local_fit import NARROWEST, WIDEST
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
+from flexspline.prepared import Preparation, prepared
 from flexspline.regression.candidate_model import CandidateModel, candidate_model_of, started
 from flexspline.regression.gram import Whitening
 from flexspline.signals import channels_for, core_channels, gear_of
@@ -435,11 +437,16 @@ def _pieces(
 
 
 def as_problem(
-    columns: dict[str, Array], problem: Problem, effects: Sequence[Effect], motor: Motor | None
+    columns: dict[str, Array],
+    problem: Problem,
+    effects: Sequence[Effect],
+    motor: Motor | None,
+    ways: Sequence[Preparation] = (),
 ) -> Problem:
     """Return a planned run as the core would read its recording; the target is not known: zero.
 
-    What waits for a temperature lies in runs of their own.
+    What waits for a temperature lies in runs of their own. `ways`: how the motion is smoothed; one
+    that is too fast for the planned run's rate leaves it as it is.
     """
     columns = dict(columns)
     load = columns.pop("load", None)
@@ -451,16 +458,21 @@ def as_problem(
     cuts = np.flatnonzero(np.diff(columns["time"]) > 0.5 * WAIT) + 1
     pieces = zip(*(np.split(values, cuts) for values in columns.values()), strict=True)
     parts = [dict(zip(columns, piece, strict=True)) for piece in pieces]
-    made = tuple(_run(part, problem, effects, motor) for part in parts)
+    made = tuple(_run(part, problem, effects, motor, ways) for part in parts)
     return replace(problem, runs=made, kept={})
 
 
 def _run(
-    columns: dict[str, Array], problem: Problem, effects: Sequence[Effect], motor: Motor | None
+    columns: dict[str, Array],
+    problem: Problem,
+    effects: Sequence[Effect],
+    motor: Motor | None,
+    ways: Sequence[Preparation],
 ) -> Run:
     log = Log(columns, dict(problem.runs[0].log.facts))
     if motor is not None:
         log = log.with_columns({"motor_torque": motor.torque(log)}, note="as the drive needs")
+    log = prepared(log, [w for w in ways if NARROWEST < w.bandwidth / log.rate <= WIDEST])
     channels = core_channels(log, effects, problem.known_load, problem.carried)
     stretches = [(int(a), int(b)) for a, b in runs(log["time"])]
     target = np.zeros(len(log))

@@ -200,29 +200,49 @@ def verdict(made: Discovery) -> str:
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
     said = base[0].lower() + base[1:]
     where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
-    rmse = f"{' to '.join(lowered(made.base_rmse, made.final_rmse))} {made.unit}"
+    sided, without = _sided(made), made.without_directions
     if made.found:
-        return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}."
+        rmse = f"{' to '.join(lowered(made.base_rmse, made.final_rmse))} {made.unit}"
+        both = f" Besides, {sided}; both errors are with that in the model." if sided else ""
+        return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}.{both}"
+    what, more = _nothing_named(made, said, " else" if sided else "")
+    rmse = f"{padded(made.base_rmse)} {made.unit} {where}{more}"
+    if not sided or without is None:
+        return f"{what}: RMSE {rmse}."
+    return (
+        f"{what}: {sided}. With that in the model RMSE {rmse}; without it about "
+        f"{padded(without)} {made.unit}."
+    )
+
+
+def _nothing_named(made: Discovery, said: str, other: str) -> tuple[str, str]:
+    """Return what a search says that names nothing of a model, and what of its error.
+
+    `other`: " else" where something is said beside it.
+    """
     little = _unexplained_is_small(made)
     if made.unexplained and not little:
-        return (
-            f"No effect that is known explains what {said} lacks: RMSE "
-            f"{padded(made.base_rmse)} {made.unit} {where}."
-        )
+        return f"No effect that is known explains what{other} {said} lacks", ""
     if made.doubted:
-        return (
-            f"These runs do not tell what {said} lacks, if anything: RMSE "
-            f"{padded(made.base_rmse)} {made.unit} {where}."
-        )
+        return f"These runs do not tell what{other} {said} lacks, if anything", ""
     if little:
-        return (
-            f"Nothing that matters is missing in {said}: RMSE {padded(made.base_rmse)} {made.unit} "
-            f"{where}, of which less than {_small(made)} {made.unit} is unexplained."
-        )
+        unexplained = f", of which less than {_small(made)} {made.unit} is unexplained"
+        return f"Nothing{other} that matters is missing in {said}", unexplained
     return (
-        f"Nothing is missing in {said} that these runs show: RMSE "
-        f"{padded(made.base_rmse)} {made.unit} {where}, noise as far as their channels tell."
+        f"Nothing{other} is missing in {said} that these runs show",
+        ", noise as far as their channels tell",
     )
+
+
+def _sided(made: Discovery) -> str:
+    """Return that friction differs between directions, where the error is much lower with that.
+
+    It is no name, and the model has it all the same. What is negligible is that of a name.
+    """
+    told, without = _directions(made), made.without_directions
+    if not told or without is None or without - made.final_rmse < SETTINGS.negligible * without:
+        return ""
+    return f"friction differs between directions ({listed(told)}, below)"
 
 
 def _names_told(found: Sequence[Found]) -> str:
@@ -364,16 +384,21 @@ def inputs_sentence(made: Discovery) -> str:
 
 def directions_sentence(made: Discovery) -> str:
     """Return how friction differs between directions, where the search gave it that freedom."""
-    if FRICTION_BY_DIRECTION in made.base_effects:
+    told = _directions(made)
+    if not told:
         return ""
-    told = [
+    return f"Friction differs between directions, forward less backward: {listed(told)}."
+
+
+def _directions(made: Discovery) -> list[str]:
+    """Return what of friction differs between directions and by how much, beyond two errors."""
+    if FRICTION_BY_DIRECTION in made.base_effects:
+        return []
+    return [
         f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
         for p in made.fit.parameters
         if p.name.startswith(f"{FRICTION_BY_DIRECTION}.") and abs(p.value) > 2.0 * p.standard_error
     ]
-    if not told:
-        return ""
-    return f"Friction differs between directions, forward less backward: {listed(told)}."
 
 
 def also_seen_sentences(made: Discovery) -> list[str]:

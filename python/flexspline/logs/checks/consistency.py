@@ -51,7 +51,7 @@ others not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -497,7 +497,7 @@ def gear(log: Log) -> Iterator[Finding]:
             found.ratio,
             "",
             f"the motor side runs the other way: θ is {found.ratio:.5g} times q.",
-            "Ask for the repair reverse_motor.",
+            _turn_motor(log),
         )
     if log.effective_ratio is None:
         yield _not_stated(log, found)
@@ -515,6 +515,24 @@ def gear(log: Log) -> Iterator[Finding]:
             f"other encoder: their difference grows with velocity.",
             f"Ask for the repair shift={which}:{abs(found.delay):.3g}.",
         )
+
+
+def _turn_motor(log: Log) -> str:
+    """Return what to ask for where the motor's encoder runs the other way: its drive may not."""
+    signs = _drive_signs(log)
+    if _all_turned(signs):
+        return "Ask for the repair reverse_motor."
+    angles = ["motor_position", *(["motor_velocity"] if "motor_velocity" in log else [])]
+    alone = " and ".join(f"the repair flip_sign={name}" for name in angles)
+    right = [name for name, sign in signs.items() if sign > 0]
+    if right:
+        return (
+            f"Ask for {alone}; reverse_motor would turn {' and '.join(right)} too, which is right."
+        )
+    return (
+        f"Ask for {alone}, or for the repair reverse_motor where {' and '.join(signs)} has the "
+        "wrong sign too: this run does not tell."
+    )
 
 
 def _not_stated(log: Log, found: Gear) -> Finding:
@@ -613,7 +631,7 @@ def torque(log: Log) -> Iterator[Finding]:
     columns = motion_columns(log, motion)
     beside = list[Finding]()
     for channel in (*DRIVE, "sensor_torque"):
-        if channel in log and np.ptp(log[channel][motion.rows]) > 0:
+        if _is_read(log, channel, motion):
             reading = motion.smooth(log[channel])
             reaction = _reaction(motion, columns, reading)
             yield from _sign(log, channel, reaction)
@@ -623,6 +641,10 @@ def torque(log: Log) -> Iterator[Finding]:
                 beside += _beside_load(log, channel, factor, reaction)
     known = {finding.channel: finding for finding in reversed(beside)}
     yield from known.values()  # the load is wrong once, beside however many torques
+
+
+def _is_read(log: Log, channel: str, motion: Motion) -> bool:
+    return channel in log and bool(np.ptp(log[channel][motion.rows]) > 0)
 
 
 def _both_ways(motion: Motion) -> bool:
@@ -650,17 +672,55 @@ def _reaction(motion: Motion, columns: Array, reading: Array) -> Reaction:
     return Reaction(float(solved[0]), float(error[0]), float(solved[-2]), float(error[-2]))
 
 
+def _drive_signs(log: Log) -> dict[str, int]:
+    """Return of each torque of the drive whether its sign is right, 1, or turned, -1; 0: unknown.
+
+    Friction is judged, and a mass: a load that drives its motor makes friction alone negative.
+    """
+    motion, known = motion_of(log), [name for name in DRIVE if name in log]
+    if motion is None or not _both_ways(motion):
+        return dict.fromkeys(known, 0)
+    columns, signs = motion_columns(log, motion), dict.fromkeys(known, 0)
+    for name in (name for name in known if _is_read(log, name, motion)):
+        found = _reaction(motion, columns, motion.smooth(log[name]))
+        if _is_turned(found, drive=True):
+            signs[name] = -1
+        elif found.friction > SURE * found.friction_error or _is_mass(found):
+            signs[name] = 1
+    return signs
+
+
+def _all_turned(signs: Mapping[str, int]) -> bool:
+    return all(sign < 0 for sign in signs.values())
+
+
+def _is_mass(found: Reaction) -> bool:
+    return found.inertia > SURE * found.inertia_error
+
+
+def _is_turned(found: Reaction, *, drive: bool) -> bool:
+    """Whether friction is negative for sure; a load drives the motor where its mass is not."""
+    return found.friction <= -SURE * found.friction_error and not (drive and _is_mass(found))
+
+
+def _turn_torque(log: Log, channel: str, *, drive: bool) -> str:
+    """Return what to ask for where a torque's sign is flipped: its encoder's may be too."""
+    if not drive:
+        return f"If it is flipped, ask for the repair flip_sign={channel}."
+    gear = measured_gear(log)
+    if gear is not None and gear.ratio < 0 and _all_turned(_drive_signs(log)):
+        return "Ask for the repair reverse_motor, for the motor's angle has the wrong sign too."
+    return f"Ask for the repair flip_sign={channel}."
+
+
 def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
-    unit = CHANNELS[channel].unit
-    if found.friction > -SURE * found.friction_error:
+    unit, drive = CHANNELS[channel].unit, channel in DRIVE
+    if not _is_turned(found, drive=drive):
         return
     level = f"friction of {plus_minus(found.friction, found.friction_error)} {unit}"
     if found.inertia < -SURE * found.inertia_error:
         inertia = plus_minus(found.inertia, found.inertia_error)
         level += f", inertia of {inertia} {unit}/(rad/s²)"
-    drive = channel in DRIVE
-    if drive and found.inertia > SURE * found.inertia_error:
-        return  # a flipped mass is negative: the load drives this motor
     yield Finding(
         "torque_sign",
         "fault" if drive else "note",
@@ -674,7 +734,7 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
             if drive
             else "its sign is flipped, or the sensor sees friction from the other side."
         ),
-        f"{'Ask' if drive else 'If it is flipped, ask'} for the repair flip_sign={channel}.",
+        _turn_torque(log, channel, drive=drive),
     )
 
 
