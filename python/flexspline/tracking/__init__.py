@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.lazy import attached
 from flexspline.least_squares.options import resolve
-from flexspline.tracking.attribution import Told, detected, drawn, moved
+from flexspline.tracking.attribution import SCALE, Told, detected, drawn, moved, moves
 from flexspline.tracking.changes import (
     INTERVAL,
     LEAST_SESSIONS,
@@ -34,7 +34,7 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
-from flexspline.tracking.history import DAY, History, cause_of, history_of
+from flexspline.tracking.history import DAY, History, history_of
 from flexspline.tracking.result import (
     CHANGED,
     DISPUTED,
@@ -188,7 +188,7 @@ def _course(history: History, p: int, told: Sequence[Told]) -> Posterior | None:
 
 def _is_of(history: History, p: int, change: Told) -> bool:
     """Whether a parameter is known to have made a change."""
-    return len(change.causes) == 1 and cause_of(history.names[p]) == change.causes[0]
+    return len(change.causes) == 1 and moves(change, history.names[p])
 
 
 def _change(history: History, told: Told) -> Change:
@@ -209,8 +209,10 @@ def _change(history: History, told: Told) -> Change:
     before = made.levels + (made.by_known @ _ones(made) if made.series.known else 0.0)
     level, error = float(np.mean(before)), float(np.std(before))
     size = float(np.mean(sizes))
-    lone = np.count_nonzero(told.weights) == 1
-    relative = size / abs(level) if lone and abs(level) > 3.0 * error else math.nan
+    scaled = SCALE in told.causes
+    lone = scaled or np.count_nonzero(told.weights) == 1
+    before_it = level if scaled else abs(level)
+    relative = size / before_it if lone and abs(level) > 3.0 * error else math.nan
     return Change(
         told.causes,
         told.chances,
@@ -304,7 +306,7 @@ def _state(history: History, p: int, course: Posterior | None, told: Sequence[To
         low, high = np.percentile(course.changed(history.days[-1:])[:, 0], INTERVAL)
         shows = any(p in each.parameters for each in told) or low > 0.0 or high < 0.0
         return CHANGED if shows else NO_CHANGE
-    if any(cause_of(history.names[p]) in each.causes for each in told):
+    if any(moves(each, history.names[p]) for each in told):
         return DISPUTED
     return NO_CHANGE
 
@@ -390,7 +392,7 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
         )
     if known is not None and len(history) >= LEAST_SESSIONS:
         said += _by_temperature(history, states)
-    if any(np.count_nonzero(each.weights) > 1 for each in told):
+    if any(np.count_nonzero(each.weights) > 1 and SCALE not in each.causes for each in told):
         said.append(
             "Sizes of changes in confounded parameters hold as far as the others stayed as they "
             "were."
