@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from worn_joints import ramp, step, worn_history
 
-from flexspline.tracking import History, TrackedParameter, track
+from flexspline.tracking import History, Track, TrackedParameter, track
 from flexspline.tracking.attribution import SCALE, moved
 from flexspline.tracking.changes import Shape
 
@@ -54,6 +54,7 @@ def test_two_that_change_at_one_date_are_two_changes_each_with_its_size(
         assert abs(change.size - truth) < 4.0 * change.error
         said, error = step_of(made[change.parameter])
         assert abs(change.size - said) < 2.0 * np.hypot(change.error, error)
+    assert not any("goes with temperature" in remark for remark in made.remarks)
 
 
 @pytest.mark.parametrize("name", JOINT)
@@ -145,3 +146,16 @@ def test_a_size_that_the_parameter_itself_contradicts_is_not_told_of_a_sum() -> 
         assert abs(change.size - own.size) < 2.0 * np.hypot(change.error, own.error)
         right += abs(change.size - 0.6) < 3.0 * change.error
     assert right >= 8  # of 10 in the mean
+
+
+def test_only_what_temperature_explains_is_said_to_go_with_it() -> None:
+    """A change of a parameter that temperature does not move is no work of temperature's."""
+    warm = np.where(np.arange(80) < 40, 20.0, 30.0) + np.random.default_rng(0).normal(0, 2.0, 80)
+
+    def said(made: Track) -> bool:
+        return any("goes with temperature" in remark for remark in made.remarks)
+
+    assert said(track(worn_history(3, per_kelvin=0.05, temperature=warm)))
+    assert not said(track(worn_history(3, per_kelvin=0.0, temperature=warm)))
+    for seed in range(6):
+        assert not said(track(joint(seed, COULOMB, VISCOUS)))

@@ -34,7 +34,7 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
-from flexspline.tracking.history import DAY, History, history_of
+from flexspline.tracking.history import DAY, TOLD, History, history_of
 from flexspline.tracking.result import (
     CHANGED,
     DISPUTED,
@@ -138,7 +138,7 @@ def track(
         tuple(changes),
         forecasts,
         reference,
-        (*turned.remarks, *_remarks(turned, told, states), *_of_dates(forecasts)),
+        (*turned.remarks, *_remarks(turned, told, courses, states), *_of_dates(forecasts)),
     )
 
 
@@ -367,7 +367,12 @@ def _forecast(
     )  # fmt: skip
 
 
-def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> list[str]:
+def _remarks(
+    history: History,
+    told: Sequence[Told],
+    courses: Sequence[Posterior | None],
+    states: Sequence[str],
+) -> list[str]:
     """What limits all that is said."""
     said = []
     known = history.knows_temperature
@@ -391,7 +396,7 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
             f"{history.dates[k + 1].astype('M8[D]')}: what began there may have begun at any time."
         )
     if known is not None and len(history) >= LEAST_SESSIONS:
-        said += _by_temperature(history, states)
+        said += _by_temperature(history, courses, states)
     if any(np.count_nonzero(each.weights) > 1 and SCALE not in each.causes for each in told):
         said.append(
             "Sizes of changes in confounded parameters hold as far as the others stayed as they "
@@ -410,16 +415,15 @@ def _of_dates(forecasts: Sequence[Forecast]) -> list[str]:
     ]
 
 
-def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
-    """Parameters that would seem to change, were temperature left out."""
-    found = []
-    for p, name in enumerate(history.names):
-        if states[p] != NO_CHANGE:
-            continue
-        series, _ = history.series(np.eye(len(history.names))[p])
-        cold = Series(series.days, series.values, series.variances)
-        if Candidates.of(cold).evidence[-1] > threshold(len(series.days), history.looked_at):
-            found.append(spoken(name))
+def _by_temperature(
+    history: History, courses: Sequence[Posterior | None], states: Sequence[str]
+) -> list[str]:
+    """Parameters that would seem to change, were temperature left out, and do not with it."""
+    found = [
+        spoken(name)
+        for name, course, state in zip(history.names, courses, states, strict=True)
+        if course is not None and state == NO_CHANGE and _is_thermal(history, course)
+    ]
     said = [f"What looks like a change of {listed(found)} goes with temperature."] if found else []
     told = np.isfinite(history.temperatures)
     warm, days = history.temperatures[told], history.days[told]
@@ -429,3 +433,17 @@ def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
             way = "rose" if together > 0.0 else "fell"
             said.append(f"Temperature {way} over these sessions: what wore with it is not told.")
     return said
+
+
+def _is_thermal(history: History, course: Posterior) -> bool:
+    """Whether temperature moves a parameter, and that is all that looks like a change of it."""
+    if not course.by_temperature.size:
+        return False
+    slope, error = value_of(course.by_temperature[:, 0])
+    if abs(slope) <= TOLD * error:
+        return False
+    series = course.series
+    cold = Series(series.days, series.values, series.variances, known=series.known)
+    needed = threshold(len(series.days), history.looked_at)
+    warm, without = (float(Candidates.of(each).evidence[-1]) for each in (series, cold))
+    return warm <= needed < without
