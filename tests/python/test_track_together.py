@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worn_joints import ramp, step, worn_history
+from worn_joints import NAMES, ramp, step, worn_history
 
 from flexspline.tracking import History, Track, TrackedParameter, track
 from flexspline.tracking.attribution import SCALE, moved
@@ -159,3 +159,31 @@ def test_only_what_temperature_explains_is_said_to_go_with_it() -> None:
     assert not said(track(worn_history(3, per_kelvin=0.0, temperature=warm)))
     for seed in range(6):
         assert not said(track(joint(seed, COULOMB, VISCOUS)))
+
+
+def test_what_changed_beside_what_shows_it_best_has_a_sentence() -> None:
+    names = ("output_ripple.cosine 2", "output_ripple.sine 2", "offset.offset")
+    worn = {names[0]: step(50, 4.0), names[1]: step(50, 3.0)}
+    made = track(
+        worn_history(8, names=names, levels=(10.0, 0.0, 0.0), noises=(1.0, 1.0, 1.0),
+                     units=("Nm",) * 3, worn=worn)
+    )  # fmt: skip
+    (change,) = made.changes
+    (other,) = (p for p in made.parameters if p.state == "changed" and p.name != change.parameter)
+    assert other.sentence in made.sentences
+    assert other.sentence.endswith(" Nm.") and "at first" in other.sentence
+
+
+@pytest.mark.parametrize(("sessions", "dated"), [(60, False), (100, False), (110, True)])
+def test_without_temperature_wear_has_a_date_from_a_second_year_on(
+    sessions: int, dated: bool
+) -> None:
+    """105 weeks are two years: before, the year's warmth looks like wear."""
+    history = worn_history(2, sessions, worn={NAMES[0]: ramp(10, 8.0)}, per_kelvin=0.0)
+    limits = {NAMES[0]: "150%"}
+    cold = replace(history, temperatures=np.full(sessions, np.nan))
+    (forecast,) = track(cold, limits=limits).forecasts
+    assert (forecast.date is not None) == dated
+    assert ("do not tell wear from a season" in forecast.sentence) != dated
+    (known,) = track(history, limits=limits).forecasts
+    assert known.date is not None

@@ -40,6 +40,7 @@ from flexspline.tracking.result import (
     DISPUTED,
     NO_CHANGE,
     NOT_KNOWN,
+    UNLIKELY,
     Band,
     Change,
     Forecast,
@@ -78,6 +79,13 @@ CLEAR: Final = 0.9
 """Chance from which the kind of a change is told; below, it is said not to be known yet."""
 TOGETHER: Final = 0.7
 """Correlation of temperature and date from which half of a drift is taken for temperature's."""
+SEASONS: Final = 2.0
+"""Years from which a trend is told from the seasons: within one year they are a trend, and only a
+second one shows that they come back."""
+SEASONAL: Final = (
+    "no date, for sessions without temperature over less than two years do not tell wear from a "
+    "season"
+)
 BANDED: Final = 121  # days on which a band is told
 STEPS_A_YEAR: Final = 52  # of a forecast
 
@@ -352,6 +360,8 @@ def _forecast(
         return none("it may have changed, or another; no date before that is known", now, math.nan)
     if state == NO_CHANGE:
         return none("no change of it is told, so no date", now, math.nan)
+    if _may_be_season(history, course):
+        return none(SEASONAL, now, math.nan)
     reached = beyond.any(axis=1)
     chance = float(np.mean(reached))
     when = np.where(reached, ahead[np.argmax(beyond, axis=1)], np.inf)
@@ -365,6 +375,12 @@ def _forecast(
         name, unit, limit, now, chance, middle, (early_80, late_80), (early_95, late_95), horizon,
         lower=lower,
     )  # fmt: skip
+
+
+def _may_be_season(history: History, course: Posterior) -> bool:
+    """Whether what goes on may be the year's temperatures, which no session tells."""
+    goes_on = course.chance(STEP) < 1.0 - UNLIKELY
+    return goes_on and history.knows_temperature is None and history.years < SEASONS
 
 
 def _remarks(

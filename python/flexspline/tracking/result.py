@@ -132,7 +132,8 @@ class TrackedParameter:
         if self.state == NO_CHANGE:
             least = in_unit(short(self.least, 2), self.unit)
             return f"{name}: no change told, {now}; a lasting step is told from about {least} on."
-        return f"{name}: {self.state}, {plus_minus(*self.at_first)} at first, now {now}."
+        first = in_unit(plus_minus(*self.at_first), self.unit)
+        return f"{name}: {self.state}, {first} at first, now {now}."
 
 
 @dataclass(frozen=True)
@@ -364,8 +365,12 @@ class Track(Rendered):
 
     @property
     def sentences(self) -> list[str]:
-        """Changes, forecasts, and the parameters of which nothing is told."""
+        """Changes, what else changed with them, forecasts, and trends without a limit."""
         said = [change.sentence for change in self.changes]
+        if not any(change.scaled for change in self.changes):
+            named = {change.parameter for change in self.changes}
+            more = [p for p in self.parameters if p.state == CHANGED and p.name not in named]
+            said += [p.sentence for p in more]
         said += [forecast.sentence for forecast in self.forecasts]
         limited = {forecast.parameter for forecast in self.forecasts}
         lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
