@@ -104,7 +104,8 @@ def track(
         runs), or made of arrays.
     limits : {"coulomb_friction": 0.5}: values that a parameter must not pass, in its unit, or
         "150%" of its level at first. One below the level at first is a lower limit, any other an
-        upper one. Each gets a date, or the reason why it has none.
+        upper one. Each gets a date, or the reason why it has none: of less than two years without
+        temperature, that a season looks the same.
     horizon : years behind the last session, as far as a limit is looked for.
 
     Returns
