@@ -97,7 +97,7 @@ def _draw_joints(made: FleetTrack, name: str, moved: Sequence[str], ax: Axes) ->
 
 def _panel(made: Track, p: int) -> Panel:
     parameter = made.parameters[p]
-    changes = [c for c in made.changes if c.parameter == parameter.name]
+    changes = [c for c in made.changes if c.parameter == parameter.name or c.scaled]
     limits = [f for f in made.forecasts if f.parameter == parameter.name]
     return Panel(partial(_draw, made, p, parameter, changes, limits), parameter.sentence)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.lazy import attached
 from flexspline.least_squares.options import resolve
-from flexspline.tracking.attribution import Told, detected, drawn, moved
+from flexspline.tracking.attribution import SCALE, Told, detected, drawn, moved, moves
 from flexspline.tracking.changes import (
     INTERVAL,
     LEAST_SESSIONS,
@@ -34,12 +34,13 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
-from flexspline.tracking.history import DAY, History, cause_of, history_of
+from flexspline.tracking.history import DAY, TOLD, History, history_of
 from flexspline.tracking.result import (
     CHANGED,
     DISPUTED,
     NO_CHANGE,
     NOT_KNOWN,
+    UNLIKELY,
     Band,
     Change,
     Forecast,
@@ -78,6 +79,13 @@ CLEAR: Final = 0.9
 """Chance from which the kind of a change is told; below, it is said not to be known yet."""
 TOGETHER: Final = 0.7
 """Correlation of temperature and date from which half of a drift is taken for temperature's."""
+SEASONS: Final = 2.0
+"""Years from which a trend is told from the seasons: within one year they are a trend, and only a
+second one shows that they come back."""
+SEASONAL: Final = (
+    "no date, for sessions without temperature over less than two years do not tell wear from a "
+    "season"
+)
 BANDED: Final = 121  # days on which a band is told
 STEPS_A_YEAR: Final = 52  # of a forecast
 
@@ -96,7 +104,8 @@ def track(
         runs), or made of arrays.
     limits : {"coulomb_friction": 0.5}: values that a parameter must not pass, in its unit, or
         "150%" of its level at first. One below the level at first is a lower limit, any other an
-        upper one. Each gets a date, or the reason why it has none.
+        upper one. Each gets a date, or the reason why it has none: of less than two years without
+        temperature, that a season looks the same.
     horizon : years behind the last session, as far as a limit is looked for.
 
     Returns
@@ -138,7 +147,7 @@ def track(
         tuple(changes),
         forecasts,
         reference,
-        (*turned.remarks, *_remarks(turned, told, states), *_of_dates(forecasts)),
+        (*turned.remarks, *_remarks(turned, told, courses, states), *_of_dates(forecasts)),
     )
 
 
@@ -188,7 +197,7 @@ def _course(history: History, p: int, told: Sequence[Told]) -> Posterior | None:
 
 def _is_of(history: History, p: int, change: Told) -> bool:
     """Whether a parameter is known to have made a change."""
-    return len(change.causes) == 1 and cause_of(history.names[p]) == change.causes[0]
+    return len(change.causes) == 1 and moves(change, history.names[p])
 
 
 def _change(history: History, told: Told) -> Change:
@@ -209,8 +218,10 @@ def _change(history: History, told: Told) -> Change:
     before = made.levels + (made.by_known @ _ones(made) if made.series.known else 0.0)
     level, error = float(np.mean(before)), float(np.std(before))
     size = float(np.mean(sizes))
-    lone = np.count_nonzero(told.weights) == 1
-    relative = size / abs(level) if lone and abs(level) > 3.0 * error else math.nan
+    scaled = SCALE in told.causes
+    lone = scaled or np.count_nonzero(told.weights) == 1
+    before_it = level if scaled else abs(level)
+    relative = size / before_it if lone and abs(level) > 3.0 * error else math.nan
     return Change(
         told.causes,
         told.chances,
@@ -304,7 +315,7 @@ def _state(history: History, p: int, course: Posterior | None, told: Sequence[To
         low, high = np.percentile(course.changed(history.days[-1:])[:, 0], INTERVAL)
         shows = any(p in each.parameters for each in told) or low > 0.0 or high < 0.0
         return CHANGED if shows else NO_CHANGE
-    if any(cause_of(history.names[p]) in each.causes for each in told):
+    if any(moves(each, history.names[p]) for each in told):
         return DISPUTED
     return NO_CHANGE
 
@@ -350,6 +361,8 @@ def _forecast(
         return none("it may have changed, or another; no date before that is known", now, math.nan)
     if state == NO_CHANGE:
         return none("no change of it is told, so no date", now, math.nan)
+    if _may_be_season(history, course):
+        return none(SEASONAL, now, math.nan)
     reached = beyond.any(axis=1)
     chance = float(np.mean(reached))
     when = np.where(reached, ahead[np.argmax(beyond, axis=1)], np.inf)
@@ -365,7 +378,18 @@ def _forecast(
     )  # fmt: skip
 
 
-def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> list[str]:
+def _may_be_season(history: History, course: Posterior) -> bool:
+    """Whether what goes on may be the year's temperatures, which no session tells."""
+    goes_on = course.chance(STEP) < 1.0 - UNLIKELY
+    return goes_on and history.knows_temperature is None and history.years < SEASONS
+
+
+def _remarks(
+    history: History,
+    told: Sequence[Told],
+    courses: Sequence[Posterior | None],
+    states: Sequence[str],
+) -> list[str]:
     """What limits all that is said."""
     said = []
     known = history.knows_temperature
@@ -389,8 +413,8 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
             f"{history.dates[k + 1].astype('M8[D]')}: what began there may have begun at any time."
         )
     if known is not None and len(history) >= LEAST_SESSIONS:
-        said += _by_temperature(history, states)
-    if any(np.count_nonzero(each.weights) > 1 for each in told):
+        said += _by_temperature(history, courses, states)
+    if any(np.count_nonzero(each.weights) > 1 and SCALE not in each.causes for each in told):
         said.append(
             "Sizes of changes in confounded parameters hold as far as the others stayed as they "
             "were."
@@ -408,16 +432,15 @@ def _of_dates(forecasts: Sequence[Forecast]) -> list[str]:
     ]
 
 
-def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
-    """Parameters that would seem to change, were temperature left out."""
-    found = []
-    for p, name in enumerate(history.names):
-        if states[p] != NO_CHANGE:
-            continue
-        series, _ = history.series(np.eye(len(history.names))[p])
-        cold = Series(series.days, series.values, series.variances)
-        if Candidates.of(cold).evidence[-1] > threshold(len(series.days), history.looked_at):
-            found.append(spoken(name))
+def _by_temperature(
+    history: History, courses: Sequence[Posterior | None], states: Sequence[str]
+) -> list[str]:
+    """Parameters that would seem to change, were temperature left out, and do not with it."""
+    found = [
+        spoken(name)
+        for name, course, state in zip(history.names, courses, states, strict=True)
+        if course is not None and state == NO_CHANGE and _is_thermal(history, course)
+    ]
     said = [f"What looks like a change of {listed(found)} goes with temperature."] if found else []
     told = np.isfinite(history.temperatures)
     warm, days = history.temperatures[told], history.days[told]
@@ -427,3 +450,17 @@ def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
             way = "rose" if together > 0.0 else "fell"
             said.append(f"Temperature {way} over these sessions: what wore with it is not told.")
     return said
+
+
+def _is_thermal(history: History, course: Posterior) -> bool:
+    """Whether temperature moves a parameter, and that is all that looks like a change of it."""
+    if not course.by_temperature.size:
+        return False
+    slope, error = value_of(course.by_temperature[:, 0])
+    if abs(slope) <= TOLD * error:
+        return False
+    series = course.series
+    cold = Series(series.days, series.values, series.variances, known=series.known)
+    needed = threshold(len(series.days), history.looked_at)
+    warm, without = (float(Candidates.of(each).evidence[-1]) for each in (series, cold))
+    return warm <= needed < without

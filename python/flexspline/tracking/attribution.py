@@ -13,6 +13,19 @@ alone, has the evidence
     ln B_b = ½ |P_b δ̂|²_Σ − dim b,      P_b δ̂ = E_b (E_bᵀ Σ⁻¹ E_b)⁻¹ E_bᵀ Σ⁻¹ δ̂
 
 (the penalty is Akaike's). A cause is named where it has 95 % of all; else those that share them.
+
+What a cause b leaves, |δ̂|²_Σ − |P_b δ̂|²_Σ, is what the others did by themselves. Where that is more
+than their errors, several changed at that onset: of all sets B of causes the one is told that has
+the most
+
+    ln B_B − (|B| − 1) h
+
+with h the threshold of a change, for each further one is one more change that is told. Where
+several parameters changed by one share κ of their levels ℓ, δ = κ ℓ, that is one number instead of
+several; it is told where its evidence is beyond theirs by 95 to 5 and leaves nothing to a further
+cause. A size is of the sum z_p beside the parameters that stayed; where the parameter by itself
+contradicts it ([Hausman1978]), it is the parameter's own.
+
 What is then told is known, and another change is sought beside it.
 """
 
@@ -25,6 +38,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects import CATALOGUE
 from flexspline.tracking.changes import (
     INTERVAL,
     LEAST_SESSIONS,
@@ -37,9 +51,9 @@ from flexspline.tracking.changes import (
     posterior_of,
     threshold,
 )
-from flexspline.tracking.history import History, cause_of
+from flexspline.tracking.history import TOLD, History, cause_of
 
-__all__ = ["Told", "detected", "drawn", "moved", "weights_of"]
+__all__ = ["SCALE", "Told", "detected", "drawn", "moved", "moves", "weights_of"]
 
 Array = NDArray[np.float64]
 
@@ -58,6 +72,11 @@ BENDS: Final = 0.25
 straight line, and not that something else began. At half of it a bent course is told as two."""
 SHRINKING: Final = 20.0  # sessions' worth of the measured correlation beside the residuals' own
 FARTHEST: Final = 3.0  # standard deviations to which residuals count in a correlation
+SCALE: Final = "scale of the torque"
+"""The cause that moves all parameters by one share of their levels."""
+CONTRADICTED: Final = 2.0
+"""Standard errors between two estimates of one size from which one contradicts the other: 5 % where
+none does, and those are told with the larger error, which holds for them too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +108,17 @@ class Told:
 
 def weights_of(history: History) -> Array:
     """Return (P, P): the weighted sum of parameters in which a change of each is sought."""
+    return np.array([_row(history, p, ()) for p in range(len(history.names))])
+
+
+def _row(history: History, p: int, moved_too: Sequence[int]) -> Array:
+    """Weights (P,) of the sum in which a change of p is seen, beside all that did not move."""
     width = len(history.names)
-    made = np.eye(width)
+    made: Array = np.eye(width)[p]
     told = np.isfinite(history.values).all(axis=1)
     told &= np.isfinite(history.covariance).all(axis=(1, 2))
-    if width < 2 or told.sum() < LEAST_SESSIONS:
+    others = np.array([k for k in range(width) if k != p and k not in moved_too], dtype=int)
+    if not len(others) or told.sum() < LEAST_SESSIONS:
         return made
     values = history.values[told]
     measured = np.median(history.covariance[told], axis=0)
@@ -101,18 +126,15 @@ def weights_of(history: History) -> Array:
     if not scale.all():
         return made
     both = measured / np.outer(scale, scale)
-    for p in range(width):
-        rows = [made[p], *(_beside_others(both, p, beyond) * scale[p] / scale for beyond in BEYOND)]
-        spreads = _spread(values @ np.array(rows).T)
-        best = int(np.argmin(spreads))
-        if spreads[best] < CONFOUNDED * spreads[0]:
-            made[p] = rows[best]
-    return made
+    rows = [made]
+    rows += [_beside(both, p, others, beyond) * scale[p] / scale for beyond in BEYOND]
+    spreads = _spread(values @ np.array(rows).T)
+    best = int(np.argmin(spreads))
+    return rows[best] if spreads[best] < CONFOUNDED * spreads[0] else made
 
 
-def _beside_others(correlation: Array, p: int, beyond: float) -> Array:
-    """Weights (P,) of what is left of one parameter, where D is that share of C's diagonal."""
-    others = np.flatnonzero(np.arange(len(correlation)) != p)
+def _beside(correlation: Array, p: int, others: NDArray[np.intp], beyond: float) -> Array:
+    """Weights (P,) of p beside these others, where D is that share of C's diagonal."""
     inner = correlation[np.ix_(others, others)] + beyond * np.eye(len(others))
     row = np.zeros(len(correlation))
     row[others] = -np.linalg.solve(inner, correlation[others, p])
@@ -154,9 +176,10 @@ class _Search:
             if excess <= 0.0 or candidates is None:
                 return False
             shape, count = _likeliest(candidates), len(candidates.series.days)
-            change = self._blamed(self.history, shape, excess, count)
-            if _is_told(_sizes(self.history, change)):
-                self._know(change)
+            made = self._blamed(self.history, shape, excess, count)
+            made = [each for each in made if _is_told(_sizes(self.history, each))]
+            if made:
+                self._know(made)
                 return True
             self.spent.add(-best)
 
@@ -178,12 +201,11 @@ class _Search:
             shape = _likeliest(Candidates.of(series.until(at + 1)))
             until = self.history.sessions(self.history.days <= series.days[at])
             first = self._blamed(until, shape, float(over[at]), at + 1)
-            before = [[*shapes] for shapes in self.known]
+            before, told = [[*shapes] for shapes in self.known], [*self.found]
             self._know(first)
-            if self.next_one():
+            if first and self.next_one():
                 return True
-            self.known = before
-            self.found.remove(first)
+            self.known, self.found = before, told
         return False
 
     def _series(self, p: int) -> Series:
@@ -205,23 +227,31 @@ class _Search:
         self.spent.discard(p)
         return excess
 
-    def _blamed(self, history: History, shape: Shape, excess: float, sessions: int) -> Told:
-        causes, chances, parameters = _blamed(history, shape, self.known)
+    def _blamed(self, history: History, shape: Shape, excess: float, sessions: int) -> list[Told]:
+        """The changes that explain what all parameters did at an onset."""
         needed = threshold(sessions, self.history.looked_at)
-        own = self.weights[parameters[0]]
-        others = _known_of(own, self.known)
-        return Told(causes, chances, parameters, shape, own, needed + excess, needed, others)
+        made = [
+            Told(*each, shape, weights, needed + excess, needed, ())
+            for each, weights in _blamed(history, shape, self.known, needed)
+        ]
+        return [_seen_best(history, each, [*made, *self.found]) for each in made]
 
-    def _know(self, change: Told) -> None:
-        self.found.append(change)
-        for p in range(self.width):
-            if cause_of(self.history.names[p]) in change.causes:
-                self.known[p].append(change.shape)
+    def _know(self, changes: Sequence[Told]) -> None:
+        for change in changes:
+            self.found.append(change)
+            for p, name in enumerate(self.history.names):
+                if moves(change, name) and change.shape not in self.known[p]:
+                    self.known[p].append(change.shape)
+
+
+def moves(change: Told, name: str) -> bool:
+    """Whether a parameter is one of those that a change may have moved."""
+    return SCALE in change.causes or cause_of(name) in change.causes
 
 
 def _settled(history: History, found: Sequence[Told]) -> list[Told]:
     """The changes, each beside all others; what only bends a larger one of its cause is of that."""
-    beside = [replace(each, others=_others(history, each, found)) for each in found]
+    beside = [_seen_best(history, each, found) for each in found]
     draws = [_sizes(history, each) for each in beside]
     sizes = [abs(float(np.mean(each))) for each in draws]
     told = [k for k in range(len(found)) if _is_told(draws[k])]
@@ -243,10 +273,45 @@ def _settled(history: History, found: Sequence[Told]) -> list[Told]:
     return [*whole.values()]
 
 
+def _seen_best(history: History, change: Told, found: Sequence[Told]) -> Told:
+    """The change in the sum in which it is seen best, whatever others are told beside it."""
+    if SCALE in change.causes:
+        return replace(change, others=_others(history, change, found))
+    p, plain = change.parameters[0], np.eye(len(history.names))[change.parameters[0]]
+    at_once = [each for each in found if each is not change and _hides(history, change, each)]
+    names = history.names
+    too = [k for k, name in enumerate(names) if any(moves(each, name) for each in at_once)]
+    own, alone = (
+        replace(each, others=_others(history, each, found))
+        for each in (replace(change, weights=row) for row in (_row(history, p, too), plain))
+    )
+    seen, by_itself = (
+        _moved(history, each.weights, each.shape, each.others) for each in (own, alone)
+    )
+    beyond = np.sqrt(max(by_itself.error**2 - seen.error**2, 0.0))
+    contradicted = abs(by_itself.size - seen.size) > CONTRADICTED * beyond
+    is_told = abs(by_itself.size) > CONTRADICTED * by_itself.error
+    return alone if contradicted and is_told else own
+
+
+def _hides(history: History, change: Told, other: Told) -> bool:
+    """Whether a change costs more beside another's shape than without the parameter it moved."""
+    if change.shape == other.shape:
+        return True
+    shapes = np.array([change.shape.of(history.days), other.shape.of(history.days)])
+    centred = shapes - shapes.mean(axis=1, keepdims=True)
+    size = float(np.prod(np.linalg.norm(centred, axis=1)))
+    return size > 0.0 and float(centred[0] @ centred[1] / size) ** 2 > 1.0 - CONFOUNDED
+
+
 def _others(history: History, change: Told, found: Sequence[Told]) -> tuple[Shape, ...]:
     """Shapes of the other changes of parameters in whose series this one is seen."""
-    seen = {cause_of(history.names[p]) for p in np.flatnonzero(change.weights)}
-    shapes = (each.shape for each in found if each.shape != change.shape and seen & {*each.causes})
+    names = [history.names[p] for p in np.flatnonzero(change.weights)]
+    shapes = (
+        each.shape
+        for each in found
+        if each.shape != change.shape and any(moves(each, name) for name in names)
+    )
     return tuple(dict.fromkeys(shapes))
 
 
@@ -281,22 +346,28 @@ def drawn(history: History, change: Told, rng: np.random.Generator) -> Posterior
 
 @dataclass(frozen=True, eq=False)
 class _Moved:
-    """By how much a parameter changed with a shape: size and error, and what is left (S,)."""
+    """By how much a number changed with a shape: size and error, level before, rest (S,)."""
 
     size: float
     error: float
+    level: float
     left: Array
 
 
 def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Moved:
     """Return by how much a parameter changed with a shape, in the noise that fits it best."""
+    return _moved(history, np.eye(len(history.names))[p], shape, known)
+
+
+def _moved(history: History, weights: Array, shape: Shape, known: Sequence[Shape]) -> _Moved:
+    """By how much a weighted sum (P,) of parameters changed with a shape."""
     left = np.full(len(history), np.nan)
-    series, at = history.series(np.eye(len(history.names))[p])
+    series, at = history.series(weights)
     series = series.beside(*known)
     width = series.covariates.shape[1] + 1
     if len(at) < width + 2:
-        return _Moved(0.0, np.inf, left)
-    best: tuple[float, float, float, Array] | None = None
+        return _Moved(0.0, np.inf, 0.0, left)
+    best: tuple[float, Array, float, Array] | None = None
     for noise in NOISES:
         values, columns = series.white(noise, (shape,))
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -309,48 +380,174 @@ def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Mo
         likely = -0.5 * (len(at) * np.log(scale) + float(rest @ rest) / scale + log_det)
         if best is None or likely > best[0]:
             error = float(np.sqrt(scale * max(inverse[-1, -1], 0.0)) / size[-1])
-            best = likely, float(slopes[-1] / size[-1]), error, rest / np.sqrt(scale)
+            best = likely, slopes / size, error, rest / np.sqrt(scale)
     assert best is not None
-    left[at] = best[3]
-    return _Moved(best[1], best[2] if best[2] > 0.0 else np.inf, left)
+    _, found, error, left[at] = best
+    return _Moved(float(found[-1]), error if error > 0.0 else np.inf, float(found[0]), left)
 
 
-def _blamed(
-    history: History, shape: Shape, known: Sequence[Sequence[Shape]]
-) -> tuple[tuple[str, ...], tuple[float, ...], tuple[int, ...]]:
-    """Causes that explain what happened at an onset, their chances, and what shows each best.
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """What K parameters did with a shape, in their standard errors.
+
+    Parameters
+    ----------
+    seen : numbers of the parameters.
+    names : causes of them.
+    sizes, levels : (K,) of the change, and before it.
+    errors : (K,) of the sizes, in the units of the parameters.
+    inverse : (K, K) of the correlation of the sizes.
+    needed : what each further cause has to explain.
+    """
+
+    seen: list[int]
+    names: list[str]
+    sizes: Array
+    levels: Array
+    errors: Array
+    inverse: Array
+    needed: float
+
+    @property
+    def causes(self) -> list[str]:
+        return list(dict.fromkeys(self.names))
+
+    def directions(self, cause: str) -> Array:
+        """(K, D): what a cause may move."""
+        if cause == SCALE:
+            return self.levels[:, None]
+        return np.eye(len(self.names))[:, [k for k, n in enumerate(self.names) if n == cause]]
+
+    def explained(self, causes: Sequence[str]) -> tuple[float, Array]:
+        """Evidence of a set of causes, and (K, causes) what each of them moved."""
+        each = [self.directions(cause) for cause in causes]
+        every = np.column_stack(each)
+        pulled = every.T @ self.inverse @ self.sizes
+        slopes = np.linalg.pinv(every.T @ self.inverse @ every, hermitian=True) @ pulled
+        evidence = 0.5 * float(pulled @ slopes) - every.shape[1]
+        parts = np.split(slopes, np.cumsum([one.shape[1] for one in each])[:-1])
+        made = np.column_stack([one @ part for one, part in zip(each, parts, strict=True)])
+        return evidence - self.needed * (len(causes) - 1), made
+
+    def evidence(self, causes: Sequence[str]) -> float:
+        return self.explained(causes)[0]
+
+    def shows(self, causes: Sequence[str], cause: str) -> int:
+        """The parameter that shows best what a cause of a set moved."""
+        made = self.explained(causes)[1][:, list(causes).index(cause)]
+        return self.seen[int(np.argmax(np.abs(made)))]
+
+    def best(self) -> tuple[str, ...]:
+        """The set of most evidence: causes are added, left and exchanged while that gains."""
+        found: tuple[str, ...] = (max(self.causes, key=lambda cause: self.evidence([cause])),)
+        while True:
+            near = max(self._neighbours(found), key=self.evidence, default=found)
+            if self.evidence(near) <= self.evidence(found):
+                return found
+            found = near
+
+    def _neighbours(self, found: tuple[str, ...]) -> list[tuple[str, ...]]:
+        less = [tuple(c for c in found if c != one) for one in found]
+        free = [cause for cause in self.causes if cause not in found]
+        more = [(*few, cause) for few in less for cause in free]
+        more += [few for few in less if few]
+        if len(found) < MOST_CHANGES:
+            more += [(*found, cause) for cause in free]
+        return more
+
+    def is_scaled(self, found: Sequence[str]) -> bool:
+        """Whether one share of all explains what several causes would have to."""
+        if len(found) < 2:
+            return False
+        scaled = self.evidence([SCALE])
+        surely = scaled > self.evidence(found) + np.log(SURE / (1.0 - SURE))
+        return surely and all(self.evidence([SCALE, one]) <= scaled for one in self.causes)
+
+    def scale(self, width: int) -> tuple[int, Array]:
+        """The parameter that shows a common share best, and weights (P,) of the sum in which."""
+        towards = self.inverse @ self.levels
+        best = int(np.argmax(np.abs(self.levels)))
+        shares = towards * self.levels[best] / float(self.levels @ towards)
+        weights = np.zeros(width)
+        weights[self.seen] = shares * self.errors[best] / self.errors
+        return self.seen[best], weights
+
+    def alternatives(self, found: Sequence[str], cause: str) -> tuple[list[str], list[float]]:
+        """Causes that explain as well what one of a set does, and their chances, to 95 %."""
+        others = [each for each in found if each != cause]
+        free = [each for each in self.causes if each not in others]
+        evidence = np.array([self.evidence([*others, each]) for each in free])
+        chances = np.exp(evidence - evidence.max())
+        chances /= chances.sum()
+        order = np.argsort(-chances, kind="stable")
+        sure = chances[order[0]] >= SURE
+        least = 1 if sure else int(np.searchsorted(np.cumsum(chances[order]), SURE)) + 1
+        return [free[k] for k in order[:least]], [float(chances[k]) for k in order[:least]]
+
+
+def _steps(
+    history: History, shape: Shape, known: Sequence[Sequence[Shape]], needed: float
+) -> _Steps | None:
+    """What all parameters did with a shape; None where none is known.
 
     A parameter that is known to have changed with this shape is free to, and explains no more.
     """
     made = {p: moved(history, p, shape, its) for p, its in enumerate(known) if shape not in its}
     seen = [p for p, each in made.items() if np.isfinite(each.error)]
+    if not seen:
+        return None
     together = _correlation(history, [made[p].left for p in seen], seen)
     errors = np.array([made[p].error for p in seen])
-    sizes = np.array([made[p].size for p in seen]) / errors
-    inverse = np.linalg.inv(together)
-    names = [cause_of(history.names[p]) for p in seen]
-    causes = list(dict.fromkeys(names))
-    evidence, shows = [], []
-    for cause in causes:
-        own = [k for k, name in enumerate(names) if name == cause]
-        pulled = inverse[own] @ sizes
-        own_sizes = np.linalg.solve(inverse[np.ix_(own, own)], pulled)
-        evidence.append(0.5 * float(pulled @ own_sizes) - len(own))
-        shows.append(seen[own[int(np.argmax(np.abs(own_sizes)))]])
-    chances = np.exp(np.array(evidence) - max(evidence))
-    chances /= chances.sum()
-    order = np.argsort(-chances, kind="stable")
-    least = (
-        1
-        if chances[order[0]] >= SURE
-        else int(np.searchsorted(np.cumsum(chances[order]), SURE)) + 1
+    return _Steps(
+        seen,
+        [cause_of(history.names[p]) for p in seen],
+        np.array([made[p].size for p in seen]) / errors,
+        np.array([made[p].level for p in seen]) / errors,
+        errors,
+        np.asarray(np.linalg.inv(together)),
+        needed,
     )
-    taken = order[:least]
-    return (
-        tuple(causes[k] for k in taken),
-        tuple(float(chances[k]) for k in taken),
-        tuple(shows[k] for k in taken),
-    )
+
+
+_Blame = tuple[tuple[str, ...], tuple[float, ...], tuple[int, ...]]
+
+
+def _blamed(
+    history: History, shape: Shape, known: Sequence[Sequence[Shape]], needed: float
+) -> list[tuple[_Blame, Array]]:
+    """Of each change at an onset: its causes, their chances, what shows each best, and weights."""
+    steps = _steps(history, shape, known, needed)
+    if steps is None:
+        return []
+    found = steps.best()
+    if _may_scale(history, steps) and steps.is_scaled(found):
+        best, weights = steps.scale(len(history.names))
+        if len(history.series(weights)[0].days) >= LEAST_SESSIONS:
+            return [(((SCALE,), (1.0,), (best,)), weights)]
+    made = []
+    for cause in found:
+        causes, chances = steps.alternatives(found, cause)
+        others = [each for each in found if each != cause]
+        shows = tuple(steps.shows([*others, one], one) for one in causes)
+        made.append(((tuple(causes), tuple(chances), shows), np.eye(len(history.names))[shows[0]]))
+    return made
+
+
+def _may_scale(history: History, steps: _Steps) -> bool:
+    """Whether a common share would be of the torque: of friction and of what is none.
+
+    Friction by itself may change by one share, and so may what a joint carries.
+    """
+    if any(unit.startswith("rad") for unit in history.units):
+        return False
+    told = np.abs(steps.levels) > TOLD
+    infos = [
+        CATALOGUE.get(history.names[p].partition(".")[0])
+        for p, is_told in zip(steps.seen, told, strict=True)
+        if is_told
+    ]
+    friction = any(info is not None and info.traits.dissipative for info in infos)
+    return friction and any(info is not None and info.carries_load for info in infos)
 
 
 def _correlation(history: History, left: Sequence[Array], seen: Sequence[int]) -> Array:

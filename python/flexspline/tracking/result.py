@@ -20,6 +20,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import plus_minus, short, short_names
 from flexspline.lazy import Rendered, render
 from flexspline.schema import checked_json
+from flexspline.tracking.attribution import SCALE
 from flexspline.tracking.changes import (
     ACCELERATING,
     LEAST_SESSIONS,
@@ -56,6 +57,10 @@ DIFFERENT = 2.0  # standard errors by which a level is another than at first
 AS_UPPER = (
     " It is taken for a lower limit, for the level at first lies above it; an upper one would be "
     "exceeded already."
+)
+WHOLE = (
+    ": friction and what it carries changed by one share, which what the torque is measured with "
+    "explains, such as the torque constant or the current sensor."
 )
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
@@ -127,7 +132,8 @@ class TrackedParameter:
         if self.state == NO_CHANGE:
             least = in_unit(short(self.least, 2), self.unit)
             return f"{name}: no change told, {now}; a lasting step is told from about {least} on."
-        return f"{name}: {self.state}, {plus_minus(*self.at_first)} at first, now {now}."
+        first = in_unit(plus_minus(*self.at_first), self.unit)
+        return f"{name}: {self.state}, {first} at first, now {now}."
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,8 @@ class Change:
     at_once : chance that it is a step.
     date, between : of the onset: median, and 95 %.
     size, error : what it has made by the last session; `interval`: 95 %.
-    relative : of the level before, NaN where that is not told from zero.
+    relative : of the level before, NaN where that is not told from zero. Where the cause is the
+        scale of the torque, the share by which all parameters changed.
     per_year : how fast it goes on at the last session; 0 of a step.
     told_since : the session at which it could first be told.
     evidence, needed : ln B and what it must exceed.
@@ -173,17 +180,39 @@ class Change:
         return len(self.causes) == 1
 
     @property
+    def scaled(self) -> bool:
+        """Whether all parameters changed by one share, `relative`."""
+        return SCALE in self.causes
+
+    @property
     def sentence(self) -> str:
         """What changed, since when and by how much."""
+        if self.scaled:
+            return f"{self._what('The torque as a whole', self._share, self.relative > 0.0)}{WHOLE}"
         size = in_unit(plus_minus(abs(self.size), self.error), self.unit)
         if abs(self.relative) <= MOST_RELATIVE:
             size += f" ({_percent(self.relative, '+')})"
+        what = self._what(spoken(self.parameter), size, self.size > 0.0)
+        if self.known:
+            return f"{what}."
+        others = listed(
+            f"{c} {p:.0%}".replace("%", " %")
+            for c, p in zip(self.causes, self.chances, strict=True)
+        )
+        return f"One of these changed, I do not know which ({others}). If it is the first: {what}."
+
+    @property
+    def _share(self) -> str:
+        """By which share all parameters changed."""
+        error = abs(self.relative * self.error / self.size)
+        return f"{plus_minus(100.0 * abs(self.relative), 100.0 * error)} %"
+
+    def _what(self, name: str, size: str, up: bool) -> str:
+        """What a name did, since when and by how much."""
         first, last = (day(each) for each in self.between)
         about = f"{day(self.date)}" + (f" ({first} to {last})" if first != last else "")
-        up = self.size > 0.0
-        name = spoken(self.parameter)
         faster = f"{name} {'rises' if up else 'falls'} ever faster since {about}, by {size} so far"
-        what = {
+        return {
             STEP: f"{name} {'rose' if up else 'fell'} at once by {size} about {about}",
             RAMP: f"{name} {'rises' if up else 'falls'} since {about}, by {size} so far",
             ACCELERATING: faster,
@@ -193,13 +222,6 @@ class Change:
             self.kind or "",
             f"{name} {'rose' if up else 'fell'} by {size} since {about}; {self._open}",
         )
-        if self.known:
-            return f"{what}."
-        others = listed(
-            f"{c} {p:.0%}".replace("%", " %")
-            for c, p in zip(self.causes, self.chances, strict=True)
-        )
-        return f"One of these changed, I do not know which ({others}). If it is the first: {what}."
 
     @property
     def _open(self) -> str:
@@ -211,6 +233,8 @@ class Change:
     @property
     def needs(self) -> str:
         """What the joint needs."""
+        if self.scaled:
+            return "a look at its torque constant and current sensor"
         return needed_by(self.parameter.partition(".")[0]) if self.known else ""
 
 
@@ -341,8 +365,12 @@ class Track(Rendered):
 
     @property
     def sentences(self) -> list[str]:
-        """Changes, forecasts, and the parameters of which nothing is told."""
+        """Changes, what else changed with them, forecasts, and trends without a limit."""
         said = [change.sentence for change in self.changes]
+        if not any(change.scaled for change in self.changes):
+            named = {change.parameter for change in self.changes}
+            more = [p for p in self.parameters if p.state == CHANGED and p.name not in named]
+            said += [p.sentence for p in more]
         said += [forecast.sentence for forecast in self.forecasts]
         limited = {forecast.parameter for forecast in self.forecasts}
         lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
