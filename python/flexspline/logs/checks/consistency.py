@@ -25,9 +25,10 @@ Torque against motion: its sign, and its delay.
 by least squares, every column behind the low pass of the target. Friction at working speed v_rms
 is c + b v_rms. A drive has to push against it: it is positive. A sensor reads it with either sign,
 depending on where it sits: there the sign is reported, never judged. The delay D is that with which
-c, s and k at t - D explain the reading best. b and J are left out of it, for a delay of gravity and
-of c looks like them: inertia makes D smaller. It is reported where it is there with them as well.
-Presliding delays friction, near reversals alone: a drive that is late where it is fast too is late.
+all columns at t - D explain the reading best. Presliding delays friction, near reversals alone: a
+drive is late where rows far from them are late as well, by as much, or by what explains most that
+is left of them. What remains is worth knowing, of a sensor or where the joint gives: there b and J
+are left out of it too, for a delay of gravity and of c looks like them; inertia makes D smaller.
 
 g says whether torque and load have one sign and unit: it is 1 of a sensor, 1 / Ñ of a motor. It is
 judged where the load is nearly all that the motion leaves of the torque, and where it is such a
@@ -43,8 +44,8 @@ a bounded search around the lowest. Its error comes from sixteen blocks of time:
 each block alone asks for, weighted by its information, so that autocorrelated noise does not make
 it too small.
 
-A recorder does the same to all of its runs, and only some of them show it for sure. A velocity that
-a recorder delays is late in each of its runs by the same. Where the delay is about as large as the
+A recorder does the same to all of its runs, and only some of them show it for sure. A velocity, or a
+drive, that a recorder delays is late in each of its runs by the same. Where the delay is about as large as the
 least that is told, or where a run's motion hardly shows it, single runs would be called late and
 others not.
 """
