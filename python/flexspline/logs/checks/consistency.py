@@ -44,10 +44,10 @@ a bounded search around the lowest. Its error comes from sixteen blocks of time:
 each block alone asks for, weighted by its information, so that autocorrelated noise does not make
 it too small.
 
-A recorder does the same to all of its runs, and only some of them show it for sure. A velocity, or a
-drive, that a recorder delays is late in each of its runs by the same. Where the delay is about as large as the
-least that is told, or where a run's motion hardly shows it, single runs would be called late and
-others not.
+A recorder does the same to all of its runs, and only some of them show it for sure. A velocity, or
+a drive, that a recorder delays is late in each of its runs by the same. Where the delay is about as
+large as the least that is told, or where a run's motion hardly shows it, single runs would be
+called late and others not.
 """
 
 from __future__ import annotations
