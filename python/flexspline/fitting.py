@@ -229,7 +229,6 @@ def posing(
         return replace(made, **(taken_out or {}))
 
     counted = _resolved(runs, fine, effects, ways, target, posed_on)
-    counted = _without_rests(runs, effects, target, counted)
     return noise, lambda these: posed_on(fine, these, counted)
 
 
@@ -255,25 +254,6 @@ def _read_by(
     if known_load is not None:
         read.add(known_load)
     return tuple(way for way in ways if way.channel in read)
-
-
-def _without_rests(
-    runs: Sequence[Log],
-    effects: Sequence[Effect],
-    target: str,
-    counted: list[NDArray[np.bool_]] | None,
-) -> list[NDArray[np.bool_]] | None:
-    """Rows that count, (N,) of each run, without those in which friction holds the joint.
-
-    At rest a drive's torque is anything between what friction holds either way: no row of a model
-    says what. Without friction in the model a rest is what is asked for.
-    """
-    from flexspline.logs.checks.ends import at_work
-
-    moving = at_work(runs, target) if any(e.info.traits.dissipative for e in effects) else None
-    if counted is None or moving is None:
-        return moving if counted is None else counted
-    return [a & b for a, b in zip(counted, moving, strict=True)]
 
 
 def _resolved(

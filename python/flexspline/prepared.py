@@ -20,14 +20,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexspline.errors import InputError, number
-from flexspline.logs.channel_noise import (
-    ChannelNoise,
-    channel_noise,
-    derived_share,
-    is_only_noise,
-)
+from flexspline.logs.channel_noise import ChannelNoise, channel_noise, is_only_noise
 from flexspline.logs.checks.consistency import is_delay, velocity_delay
-from flexspline.logs.derive import differentiate, lowpass_log, was_asked_for
+from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, emptied, is_read
 from flexspline.parallel import in_order
@@ -55,8 +50,6 @@ INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
 # be late, and have been filtered by its drive, which a position has not
-OF_THE_POSITION = 0.8  # of a velocity's power where the position carries noise alone, at least: of
-# one that is made of the same readings it is 0.98 and more, of one of its own 0.04 to 0.26
 TOLD = 0.05  # of a row, from which a delay is told
 
 
@@ -221,7 +214,7 @@ def learned(
     if bandwidth == np.inf:
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position is not None and velocity is not None and _derived(logs, position):
+    if position is not None and velocity is not None and _derived(logs):
         velocity = noise[VELOCITY] = replace(velocity, derived=True)
     if position is not None and velocity is not None and _quieter(velocity, position):
         late = _lateness(logs, position.smoother(1))
@@ -294,17 +287,12 @@ def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
     return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
 
 
-def _derived(logs: Sequence[Log], position: ChannelNoise) -> bool:
-    """Whether the recorded velocity is made of the readings of the position, in most of the runs.
+def _derived(logs: Sequence[Log]) -> bool:
+    """Whether a repair made the velocity of the position, in any run.
 
-    Its noise falls off with what it was smoothed by, and a floor beyond says nothing of it. One
-    that was derived at a bandwidth of somebody's choice is read as it is.
+    Its noise falls off with what it was smoothed by, and a floor beyond says nothing of it.
     """
-    if not position.noisy or any(was_asked_for(log, VELOCITY) for log in logs):
-        return False
-    shares = [derived_share(log, VELOCITY, POSITION, position.bandwidth) for log in logs]
-    told = [share for share in shares if share is not None]
-    return bool(told) and float(np.median(told)) > OF_THE_POSITION
+    return any(f"{VELOCITY} is that of {POSITION}" in note for log in logs for note in log.history)
 
 
 def _lateness(logs: Sequence[Log], bandwidth: float) -> float:

@@ -79,7 +79,7 @@ def torsion_log(**more: Any) -> Log:
     ("spoil", "said"),
     [
         (lambda motor: np.mod(motor, 2 * np.pi), "wrapped. Ask for the repair unwrap"),
-        (lambda motor: -motor, "the other way.* Ask for the repair reverse_motor"),
+        (lambda motor: -motor, "the other way.* Ask for the repair flip_sign=motor_position"),
         (np.degrees, "as stated: degrees and radians .*the encoders' right units"),
         (lambda motor: motor * 100.0 / 101.0, "the other spline is the output"),
     ],
@@ -93,7 +93,7 @@ def test_a_torsion_of_encoders_that_do_not_agree_is_refused(spoil: Any, said: st
 def test_a_fault_that_is_only_warned_of_says_what_to_do() -> None:
     log = torsion_log(motor_position=-torsion_log()["motor_position"])
     made = fit(["offset", "viscous_friction"], log, "motor_torque", known_load=None)
-    assert any("Ask for the repair reverse_motor" in said for said in made.warnings)
+    assert any("Ask for the repair flip_sign=motor_position" in said for said in made.warnings)
 
 
 def test_a_target_that_never_changes_is_refused() -> None:

@@ -42,14 +42,13 @@ from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, runs
 
-__all__ = ["ChannelNoise", "channel_noise", "derived_share", "is_only_noise"]
+__all__ = ["ChannelNoise", "channel_noise", "is_only_noise"]
 
 Array = NDArray[np.float64]
 
 SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
 PARTS, PART = 8, 50_000  # of a long run, and rows of each, that are looked at
 SHORTEST = 128  # rows of a run that is looked at: in shorter ones leakage passes for noise
-SEGMENTS = 8  # of a run at least, for a coherence: of noise alone it is 1/8 then, and not a half
 DIFFERENCES = 2
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
@@ -212,31 +211,6 @@ def _middle(values: Array) -> float:
     """Median of finite values: NumPy's takes ten times as long for so few."""
     ordered = np.sort(values)
     return float(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))
-
-
-def derived_share(log: Log, velocity: str, position: str, above: float) -> float | None:
-    """Share of a velocity's power above a frequency [Hz] that is that of its position's derivative.
-
-    Their coherence in the two octaves above, the median. Where the noise of a position exceeds its
-    signal it is a half and less for a velocity that is measured by itself, and nearly 1 for one
-    that is made of the same readings, late and filtered or not. None where no unbroken run is long
-    enough. Second differences of both: leakage of what lies below would be coherent.
-    """
-    from scipy.signal import coherence
-
-    time, shares = log["time"], []
-    for first, last in runs(time):
-        step = median_step(time[first:last])
-        length = min(round(SECONDS / step), (last - first) // SEGMENTS)
-        if length < SHORTEST or above > 0.4 / step:
-            continue
-        part = slice(first, min(last, first + PARTS * PART))
-        slope = np.gradient(log[position][part], step)
-        both = (np.diff(values, n=DIFFERENCES) for values in (log[velocity][part], slope))
-        at, alike = coherence(*both, 1.0 / step, nperseg=length)
-        shares.append(alike[(at > above) & (at < min(4.0 * above, 0.45 / step))])
-    found = np.concatenate(shares) if shares else np.empty(0)
-    return _middle(found) if len(found) else None
 
 
 def is_only_noise(log: Log, channel: str, derivative: int) -> bool:

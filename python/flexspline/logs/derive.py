@@ -48,7 +48,6 @@ __all__ = [
     "resample",
     "sampled",
     "velocity_noise",
-    "was_asked_for",
     "with_motion",
 ]
 
@@ -62,8 +61,6 @@ HELD = ("enabled", "commanded_position")
 
 ANTI_ALIAS = 0.25
 """Bandwidth of the low pass before resampling, as a share of the new rate: 0.07 at Nyquist."""
-
-DERIVED, BY_ITSELF = "derived from", ", chosen from rate and noise"  # in the history of a log
 
 _WINDOW = 0.1  # s, to either side: over which a joint at rest does not move
 _AT_REST = 1e-3  # of the speed that 99 % of the rows stay below
@@ -112,9 +109,9 @@ def differentiate(
         name: _by_run(LocalFit(chosen, order), time, values)
         for order, name in enumerate(channels, start=1)
     }
-    why = "" if bandwidth is not None else BY_ITSELF
+    why = "" if bandwidth is not None else ", chosen from rate and noise"
     note = (
-        f"{listed(channels)} {DERIVED} {of}: zero phase, -3 dB at {chosen:.4g} Hz{why}, "
+        f"{listed(channels)} derived from {of}: zero phase, -3 dB at {chosen:.4g} Hz{why}, "
         f"one-sided within {LocalFit(chosen).half_length:.3g} s of the ends of "
         f"{_count(len(runs(time)), 'run')}"
     )
@@ -122,12 +119,6 @@ def differentiate(
     if lost:
         note += f"; {_count(lost, 'row')} NaN in runs too short for a derivative"
     return log.with_columns(found, note=note)
-
-
-def was_asked_for(log: Log, channel: str) -> bool:
-    """Whether a channel was derived by `differentiate` at a bandwidth that somebody chose."""
-    made = (note for note in log.history if DERIVED in note)
-    return any(channel in note.split(DERIVED)[0] and BY_ITSELF not in note for note in made)
 
 
 def default_bandwidth(time: Array, values: Array) -> float:
