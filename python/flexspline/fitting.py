@@ -340,7 +340,7 @@ def fit_near(
     problem, made = _solved_near(problem, effects, fixed, bounds)
     if general:
         made = generalised(made) or made
-    return assembled(problem, made, into, [], None)
+    return assembled(problem, made, into, [], None, blurred=False)
 
 
 def held_out_near(

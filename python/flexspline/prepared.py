@@ -284,6 +284,7 @@ def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
         return False
     band = min(position.bandwidth, velocity.bandwidth)
     late = velocity.delay * velocity.slope
+    position = replace(position, noise=position.measured)  # differences have it in their floor too
     return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
 
 

@@ -228,6 +228,7 @@ def assembled(
     inputs: tuple[ChannelNoise, ...] = (),
     late: LateLoad | None = None,
     as_recorded: bool = False,
+    blurred: bool = True,
 ) -> Fit:
     """Put everything together that a user sees of a fit.
 
@@ -242,9 +243,11 @@ def assembled(
     late : the delay of the load beside which the estimate was made, or None. What it makes of the
         target stays in the residuals.
     as_recorded : whether noisy channels are read as recorded, for the user asked for that.
+    blurred : whether errors hold what the smoothed speed leaves of the width of friction; not where
+        they decide on names.
     """
     (uncertainty, delay), validation = together(
-        problem.threads, lambda: _errors(made, late), lambda: cross_validate(made)
+        problem.threads, lambda: _errors(made, late, blurred), lambda: cross_validate(made)
     )
     held_out_residuals = validation.residuals
     if late is not None:
@@ -325,10 +328,12 @@ def assembled(
     return replace(found, warnings=(*found.warnings, *said))
 
 
-def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay | None]:
+def _errors(
+    made: Estimate, late: LateLoad | None, blurred: bool
+) -> tuple[Uncertainty, Delay | None]:
     """Errors of the parameters, and the delay of the load with its own."""
     if late is None:
-        return _blurred(made, made.uncertainty), None
+        return _blurred(made, made.uncertainty) if blurred else made.uncertainty, None
     whole = uncertainty_of(made, late.columns)
     freedom = whole.degrees_of_freedom
     shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])
@@ -336,7 +341,9 @@ def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay |
     counts = [counts_of(run) for run in made.tangent.problem.runs]
     makes = np.concatenate([late.of(k)[rows] for k, rows in enumerate(counts)])
     rms = float(np.sqrt(np.mean(makes**2)))
-    return _blurred(made, shape), Delay(late.channel, late.seconds, error, rms)
+    return _blurred(made, shape) if blurred else shape, Delay(
+        late.channel, late.seconds, error, rms
+    )
 
 
 def _blurred(made: Estimate, uncertainty: Uncertainty) -> Uncertainty:
