@@ -214,8 +214,6 @@ def learned(
     if bandwidth == np.inf:
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position is not None and velocity is not None and _derived(logs):
-        velocity = noise[VELOCITY] = replace(velocity, derived=True)
     if position is not None and velocity is not None and _quieter(velocity, position):
         late = _lateness(logs, position.smoother(1))
         if abs(late) * velocity.rate > TOLD:  # small against the motion's periods it is no longer
@@ -280,20 +278,9 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
 
 def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
     """Whether a recorded velocity, with its delay, is nearer to the motion than a derivative is."""
-    if velocity.derived:
-        return False
     band = min(position.bandwidth, velocity.bandwidth)
     late = velocity.delay * velocity.slope
-    position = replace(position, noise=position.measured)  # differences have it in their floor too
     return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
-
-
-def _derived(logs: Sequence[Log]) -> bool:
-    """Whether a repair made the velocity of the position, in any run.
-
-    Its noise falls off with what it was smoothed by, and a floor beyond says nothing of it.
-    """
-    return any(f"{VELOCITY} is that of {POSITION}" in note for log in logs for note in log.history)
 
 
 def _lateness(logs: Sequence[Log], bandwidth: float) -> float:

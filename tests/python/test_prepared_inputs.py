@@ -13,10 +13,8 @@ import flexspline
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
-from flexspline.logs.repairs import repaired
 from flexspline.prepared import (
     Preparation,
-    learned,
     noise_of_channels,
     preparations_for,
     preparations_of,
@@ -171,15 +169,3 @@ def test_a_prediction_measures_the_raw_log_and_predicts_from_prepared_inputs(
     again = found.model.predict(by_hand)
     assert made.predicted == pytest.approx(again.predicted, abs=1e-9)
     assert np.std(made.measured - again.measured) > 0.03  # of the load's noise, which it has lost
-
-
-def test_a_velocity_that_a_repair_made_of_the_position_is_not_taken_for_a_quiet_one() -> None:
-    """What it was smoothed by takes its floor and leaves the noise below it."""
-    log = with_noise(exact_log(), output_position=1e-4, output_velocity=1e-4)
-    noise, ways = learned([log], "motor_torque", None)
-    assert not noise[VELOCITY].derived
-    assert {way.source for way in ways if way.channel == ACCELERATION} == {VELOCITY}
-    made = repaired(log, "velocity_from_position=output_velocity")
-    noise, ways = learned([made], "motor_torque", None)
-    assert noise[VELOCITY].derived
-    assert {way.source for way in ways if way.channel in (VELOCITY, ACCELERATION)} == {POSITION}

@@ -3,10 +3,9 @@
 The power spectral density of a recorded channel is that of its signal S(f), which falls steeply
 (motions, loads and temperatures have a bandwidth), and that of what the recorder adds, N, which is
 flat: quantisation of a signal that moves over many steps [Widrow1956] and electronic noise. N is
-the level of the highest octave.
-The bandwidth is the highest frequency with S > N: below it the channel speaks, above it only
-its noise does. The best smoother for a derivative of order k is the one whose response G loses and
-lets pass the least,
+the level of the highest octave; the bandwidth is the highest frequency with S > N: below it the
+channel speaks, above it only its noise does. The best smoother for a derivative of order k is the
+one whose response G loses and lets pass the least,
 
     ∫ (2πf)^2k [(1 − G)² S + G² N] df,
 
@@ -73,9 +72,6 @@ class ChannelNoise:
     spread : RMS of the channel around its mean.
     density : power spectral density S + N (F,), unit²/Hz, at `frequencies` (F,), Hz.
     delay : s, by which it is later than the channel that it is compared with; 0 where it was not.
-    measured : RMS of the floor as the highest octave has it, which `noise` is no lower than.
-    derived : whether a velocity is made of the readings of its position: its noise is theirs, and
-        no floor.
     """
 
     channel: str
@@ -87,8 +83,6 @@ class ChannelNoise:
     frequencies: Array = field(repr=False, compare=False)
     density: Array = field(repr=False, compare=False)
     delay: float = 0.0
-    derived: bool = False
-    measured: float = 0.0
 
     @property
     def noisy(self) -> bool:
@@ -138,22 +132,19 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         return None
     weights, densities = zip(*found, strict=True)
     density = np.average(densities, axis=0, weights=weights)
-    step = max(quantum(log[channel]) for log in logs)
-    highest = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
-    floor = highest
+    floor = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
     exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
     above = np.flatnonzero(exceeds)
     bandwidth = float(frequencies[above[-1]] if above.size else frequencies[0])
     return ChannelNoise(
         channel,
-        step,
+        max(quantum(log[channel]) for log in logs),
         float(np.sqrt(0.5 * floor * rate)),
         bandwidth,
         rate,
         float(np.sqrt(np.mean([np.var(log[channel]) for log in logs]))),
         frequencies,
         density,
-        measured=float(np.sqrt(0.5 * highest * rate)),
     )
 
 
