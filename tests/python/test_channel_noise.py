@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven_joint import driven, strokes
 from fit_logs import motion
 from numpy.typing import NDArray
 
@@ -188,3 +189,11 @@ def test_what_a_smoother_passes_of_noise_is_what_its_response_says(order: int) -
     freedom = passed**2 / (step * np.sum(frequency ** (4 * order) * gain**4))
     most = np.max((2.0 * np.pi * frequency) ** order * gain)
     assert PASSED[order] == pytest.approx((passed, freedom, most), rel=1e-4)
+
+
+@pytest.mark.parametrize("bits", [14, 16])
+def test_an_encoder_that_rests_and_moves_evenly_is_no_quieter_than_its_quantum(bits: int) -> None:
+    log = driven(strokes(), 0.0, inertia=0.6, bits=bits)
+    made = channel_noise([log], "output_position")
+    assert made is not None
+    assert made.noise == pytest.approx(2.0 * np.pi / 2**bits / np.sqrt(12.0), rel=0.01)

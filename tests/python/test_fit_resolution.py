@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven_joint import driven, strokes
 from hidden_logs import friction_of, log_of, noise, rich_run
 from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
@@ -110,3 +111,33 @@ def test_what_a_smoother_takes_of_a_jump_is_no_lag_and_no_loop_of_the_sensor() -
     log = sharp(1, 0.9).rows(slice(0, 8000))
     made = flexspline.discover(["offset", "inertia"], log, target="sensor_torque")
     assert not made.found and "smoothed" in made.refused["sensor_lag"]
+
+
+def test_inertia_of_sharp_strokes_behind_16_bit_is_within_its_interval() -> None:
+    """The error of an encoder that moves evenly is a few lines, and in the strokes it is noise."""
+    off = []
+    for seed in range(6):
+        log = driven(strokes(), 0.0, inertia=0.6, bits=16, seed=seed)
+        made = flexspline.fit(
+            ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"],
+            log, "motor_torque",
+        )  # fmt: skip
+        inertia = made.params["inertia.inertia"]
+        off.append((inertia.value - 0.6) / inertia.standard_error)
+    assert np.abs(off).max() < 3.0
+    assert abs(np.mean(off)) < 1.0
+
+
+@pytest.mark.parametrize(("bits", "known"), [(14, False), (16, True), (19, True)])
+def test_a_width_of_friction_is_no_surer_than_the_speed_near_reversals(
+    bits: int, known: bool
+) -> None:
+    made = flexspline.fit(
+        ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"],
+        driven(strokes(), 0.0, inertia=0.6, bits=bits), "motor_torque",
+    )  # fmt: skip
+    width = made.params["direction_width"]
+    assert width.interval[0] < 0.005 < width.interval[1]
+    assert width.determined == known
+    errors = np.sqrt(np.diag(made.covariance))
+    assert errors[-1] == pytest.approx(width.standard_error, rel=1e-9)

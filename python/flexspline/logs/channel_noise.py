@@ -3,9 +3,12 @@
 The power spectral density of a recorded channel is that of its signal S(f), which falls steeply
 (motions, loads and temperatures have a bandwidth), and that of what the recorder adds, N, which is
 flat: quantisation of a signal that moves over many steps [Widrow1956] and electronic noise. N is
-the level of the highest octave; the bandwidth is the highest frequency with S > N: below it the
-channel speaks, above it only its noise does. The best smoother for a derivative of order k is the
-one whose response G loses and lets pass the least,
+the level of the highest octave, and no less than a quantum Q leaves, Q²/12 over the whole band:
+where a joint stands or moves evenly the error of its encoder is no noise but a few lines, between
+which, and so in the median over an octave, there is less than in the motion that a model learns
+from. The bandwidth is the highest frequency with S > N: below it the channel speaks, above it only
+its noise does. The best smoother for a derivative of order k is the one whose response G loses and
+lets pass the least,
 
     ∫ (2πf)^2k [(1 − G)² S + G² N] df,
 
@@ -132,13 +135,15 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         return None
     weights, densities = zip(*found, strict=True)
     density = np.average(densities, axis=0, weights=weights)
-    floor = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
+    step = max(quantum(log[channel]) for log in logs)
+    highest = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
+    floor = max(highest, step**2 / (6.0 * rate))
     exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
     above = np.flatnonzero(exceeds)
     bandwidth = float(frequencies[above[-1]] if above.size else frequencies[0])
     return ChannelNoise(
         channel,
-        max(quantum(log[channel]) for log in logs),
+        step,
         float(np.sqrt(0.5 * floor * rate)),
         bandwidth,
         rate,
