@@ -43,8 +43,9 @@ from flexspline.discovery.candidates import Candidate, span_of, unseen
 from flexspline.discovery.physics import level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.effects.causes import COULOMB, GRAVITY, OUTPUT_RIPPLE, STRIBECK
+from flexspline.effects.causes import COULOMB, GRAVITY, LOAD_SCALES, OFFSET, OUTPUT_RIPPLE, STRIBECK
 from flexspline.least_squares.problem import Problem
+from flexspline.logs.local_fit import response
 from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import (
     SINGULAR,
@@ -55,9 +56,11 @@ from flexspline.regression.gram import (
     gain_of,
     gains_of,
     left_by,
+    rows_of,
     scaled_products,
     tabulated,
 )
+from flexspline.signals import torque_of_current
 
 __all__ = ["Dictionary", "Offer", "cone_gain", "cone_threshold", "dictionary_of", "equivalent_t",
            "held_out_gain", "offers", "threshold", "threshold_of"]  # fmt: skip
@@ -132,6 +135,7 @@ class Dictionary:
     them. `at`: columns of each effect that a candidate consists of, but for those that these runs
     do not show (`unseen`). `coulomb`: level of the model's Coulomb friction, 0 without.
     `simulated`: whether a simulation is the base, which may have too much of a friction.
+    `noisy`: the table with what columns have in common with the noise of a load (`noisy_table`).
     """
 
     target: str
@@ -142,6 +146,11 @@ class Dictionary:
     at: dict[Effect, Columns]
     coulomb: float = 0.0
     simulated: bool = False
+    noisy: Table | None = None
+
+    def by_noise(self, columns: Columns, model: Columns) -> float:
+        """What the noise of a known load gives columns beside a model, χ²."""
+        return self.noisy.gain(columns, model) if self.noisy else 0.0
 
     @cached_property
     def raw(self) -> Array:
@@ -169,23 +178,84 @@ class Dictionary:
 
 
 def dictionary_of(
-    problem: Problem, work: CandidateModel, wanted: Iterable[Effect], whitening: Whitening
+    problem: Problem,
+    work: CandidateModel,
+    wanted: Iterable[Effect],
+    whitening: Whitening,
+    scatter: float = 0.0,
 ) -> Dictionary:
-    """Add up the products of the columns of a model and of effects beside it, in one pass."""
+    """Add up the products of the columns of a model and of effects beside it, in one pass.
+
+    `scatter`: noise of the load cell, Nm.
+    """
     wanted = list(dict.fromkeys(wanted))
     owners, span = tuple(work.owners()), span_of(problem)
     ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
     own = {e: np.arange(a, b) for e, a, b in zip(wanted, ends, ends[1:], strict=False)}
+    table = tabulated(problem, work.assembly(beside=wanted), whitening)
+    of_model = [(e, np.flatnonzero(np.array(owners) == e.name)) for e in work.effects]
+    noise = noise_of_load(problem, whitening, scatter)
     return Dictionary(
         target=problem.target,
-        table=tabulated(problem, work.assembly(beside=wanted), whitening),
+        table=table,
         model=np.arange(len(owners)),
         owners=owners,
         candidates=(),
         at={effect: np.delete(columns, unseen(effect, span)) for effect, columns in own.items()},
         coulomb=level_of(work, COULOMB),
         simulated=problem.simulated is not None,
+        noisy=noisy_table(table, [*of_model, *own.items()], noise),
     )
+
+
+def noise_of_load(problem: Problem, whitening: Whitening, scatter: float) -> float:
+    """Return what the noise of a known load is worth: its product in target and column, in χ².
+
+    The target has −n in it, for the noise n, white and of RMS `scatter` [Nm]; the column of the
+    load has what the smoother G of the load leaves of n. Of N rows behind the filter A of the noise
+
+        V = N ∫ S |A|² G df / σ²,  S = 2 scatter² / rate
+    """
+    known, log = problem.known_load, problem.runs[0].log
+    if known is None or not scatter:
+        return 0.0
+    frequency = np.linspace(0.0, 0.5 * log.rate, SETTINGS.rows)
+    passed = [way.bandwidth for way in problem.preparations if way.channel == known]
+    passed += [problem.lowpass] * 2 if problem.lowpass else []  # of target and columns
+    gain = np.prod([np.ones_like(frequency), *(response(frequency, b) for b in passed)], axis=0)
+    late = np.outer(frequency, np.arange(whitening.order + 1)) * whitening.decimation / log.rate
+    left = np.abs(np.exp(-2j * np.pi * late) @ whitening.denominator) ** 2
+    unit = torque_of_current(log, known) if problem.target == "motor_current" else 1.0
+    density = 2.0 * scatter**2 / log.rate / unit / whitening.variance
+    rows = rows_of(problem) / whitening.decimation
+    return float(rows * density * np.trapezoid(gain * left, frequency))
+
+
+def noisy_table(
+    table: Table, owned: Sequence[tuple[Effect, Columns]], noise: float
+) -> Table | None:
+    """Return the table with −V c, by which columns follow the noise of a load, for the target's.
+
+    Least squares takes V / S of the load away where others tell it but for S of its squares: they
+    know it better than its channel does. V² / S is gained by that, from nothing. c is the slope of
+    a column over the load, 1 of a scale of it: the mean derivative of any function of a load that
+    is about normal [Bussgang1952]. None where no column is the load.
+
+    Parameters
+    ----------
+    owned : effects and their columns.
+    noise : V, as `noise_of_load` makes it.
+    """
+    load = next((at for e, at in owned if e.name in LOAD_SCALES and len(at)), None)
+    if not noise or load is None:
+        return None
+    constant = [at for e, at in owned if e.name == OFFSET][:1]
+    beside = table.without(np.concatenate([*constant, np.empty(0, int)]))
+    total, reading = table.total.copy(), np.zeros(len(beside), bool)
+    reading[np.concatenate([at for e, at in owned if "load" in e.reads])] = True
+    slopes = beside[load[0]] / max(float(beside[load[0], load[0]]), TINY)
+    total[-1, :-1] = total[:-1, -1] = np.where(reading, -noise * slopes, 0.0)[:-1]
+    return Table(total[None], np.array([table.rows.sum()]))
 
 
 @dataclass(frozen=True, eq=False)

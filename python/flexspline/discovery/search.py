@@ -160,7 +160,7 @@ class SearchContext:
         names = [effect.name for effect in work.named]
         every = [without, (), *((name,) for name in names)]
         wanted = [e for out in every for c in self.beside(work, out) for e in c.effects]
-        made = dictionary_of(self.problem, work, wanted, whitening)
+        made = dictionary_of(self.problem, work, wanted, whitening, self.scatter)
         self.last = work, whitening, made
         return replace(made, candidates=tuple(candidates))
 
@@ -256,6 +256,7 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
+NOISE_OF_LOAD = "no more than what the noise of the load gives it beside a scale of that"
 SPEED = "output_velocity"
 MOTOR_TORQUE, MOTOR_CURRENT = "motor_torque", "motor_current"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
@@ -364,11 +365,14 @@ class Searcher:
     def _owed(
         self, dictionary: Dictionary, work: CandidateModel, effect: Effect
     ) -> tuple[float, float]:
-        """What a name has to gain beside all others: its threshold, its shapes known; `_missed`."""
+        """What a name has to gain beside all others: its threshold, its shapes known; and what
+        forms of others miss or the noise of the load gives."""
         cost = cost_of(dictionary, work, effect.name)
         if self.lax:
             return cost, 0.0
-        return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
+        form = self._missed(dictionary, work, effect, dictionary.gain(effect.name))
+        noise = dictionary.by_noise(dictionary.own(effect.name), dictionary.without([effect.name]))
+        return cost, max(form, 2.0 * noise)
 
     def _examined(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
         """Drop names, or exchange them for one or two others where that is better."""
@@ -501,6 +505,10 @@ class Searcher:
         """Whether an offer is worth a fit; `rivals`: effects that may be asked of next."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
+        noise = dictionary.by_noise(offer.columns, model)
+        if noise > 0.5 * dictionary.table.gain(offer.columns, model):  # that of orders is another
+            self.refused[offer.effect.name] = NOISE_OF_LOAD
+            return False
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False

@@ -80,6 +80,8 @@ KINEMATIC_ERROR = _one(lambda info: info.targets == "D" and bool(info.pairs))
 COULOMB_PER_DIRECTION = _one(lambda info: bool(info.combines))
 PRESLIDING = _one(lambda info: info.traits.loop and info.reads == ("output_position",))
 LOAD_LOOP = _one(lambda info: info.traits.loop and info.reads == ("load",))
+LOAD_SCALES = _all(lambda info: info.traits.known_load)
+"""In proportion to a known load: of a target at most one."""
 TORQUE_SCALE = _one(lambda info: info.traits.known_load and "M" in info.targets)
 TORSION_LOOP = _one(lambda info: info.traits.loop and bool(info.paths))
 
