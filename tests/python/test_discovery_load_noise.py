@@ -1,0 +1,78 @@
+"""What the noise of a load cell gives effects beside a free scale of the load is not theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from driven_joint import strokes
+
+import flexspline
+from flexspline.discovery.evidence import dictionary_of
+from flexspline.discovery.search import search_context_of
+from flexspline.effects import effect
+from flexspline.logs.log import Log
+from flexspline.regression.candidate_model import candidate_model_of, refitted
+from flexspline.regression.gram import Whitening
+
+LOAD = "reference_torque"
+
+
+def loaded(noise: float, gain: float, seed: int = 0) -> Log:
+    """A torque sensor of so much gain beside a load cell of so much noise [Nm], in strokes.
+
+    The load is a payload's gravity, a spring's torque and an inertia; rows at 500 Hz, 17 bit.
+    """
+    angle = strokes() * (1.0 - 0.1 * seed)
+    time, step = np.arange(len(angle)) / 5000.0, 2.0 * np.pi / 2**17
+    turned = np.gradient(np.gradient(angle, time), time)
+    load = (12.0 * np.sin(angle) + 6.0 * angle + 0.3 * turned)[::10]
+    rng, rows = np.random.default_rng(seed), len(load)
+    return Log.from_arrays(
+        time=time[::10], output_position=np.round(angle[::10] / step) * step,
+        reference_torque=np.round((load + rng.normal(0.0, noise, rows)) / 0.02) * 0.02,
+        sensor_torque=(1.0 + gain) * load + 0.2 + rng.normal(0.0, 0.05, rows),
+        facts={"gear_ratio": 100.0, "name": f"run{seed}"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("noise", [0.08, 0.2])
+def test_a_gain_is_named_alone_behind_a_noisy_load_cell(noise: float) -> None:
+    logs = [loaded(noise, 0.03, seed) for seed in range(3)]
+    found = flexspline.discover(["offset"], logs, target="sensor_torque", known_load=LOAD)
+    assert found.names == ("gain_error",)
+    gain = found.fit["gain_error.gain"]
+    assert abs(gain.value - 0.03) < 3.0 * gain.standard_error < 0.001
+
+
+def test_the_noise_of_a_load_cell_alone_has_no_name() -> None:
+    logs = [loaded(0.3, 0.0, seed) for seed in range(3)]
+    found = flexspline.discover(["offset"], logs, target="sensor_torque", known_load=LOAD)
+    assert found.names == ()
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.4])
+def test_what_the_noise_gives_is_foretold(noise: float) -> None:
+    """Gravity and inertia tell the load; nothing is missing, and they gain beside a free scale."""
+    angle = strokes()[::10]
+    speed = np.gradient(angle, 0.002)
+    turned, rng = np.gradient(speed, 0.002), np.random.default_rng(4)
+    load = 12.0 * np.sin(angle) + 0.3 * turned
+    log = Log.from_arrays(
+        time=0.002 * np.arange(len(angle)), output_position=angle, output_velocity=speed,
+        output_acceleration=turned, reference_torque=load + rng.normal(0.0, noise, len(angle)),
+        sensor_torque=load + rng.normal(0.0, 0.05, len(angle)), facts={"gear_ratio": 100.0},
+    )  # fmt: skip
+    base = [effect("offset"), effect("gain_error")]
+    wanted = [effect("gravity"), effect("inertia")]
+    problem = search_context_of(
+        base, [log], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    ).problem
+    white = Whitening(np.ones(1), 0.05**2 + noise**2, problem.decimation)
+    work, _ = refitted(problem, candidate_model_of(base, len(base), {}), white)
+    made = dictionary_of(problem, work, wanted, white, noise)
+    columns = np.concatenate([made.at[one] for one in wanted])
+    told = made.by_noise(columns, made.model)
+    assert told > 1000.0
+    assert made.table.gain(columns, made.model) == pytest.approx(told, rel=0.1)
+    quiet = dictionary_of(problem, work, wanted, white)
+    assert quiet.by_noise(columns, quiet.model) == 0.0
