@@ -225,6 +225,7 @@ def posing(
             counted=rows,
             simulated=simulated,
             carried=carried,
+            scatter=noise[known_load].noise if known_load in noise else 0.0,
         )
         return replace(made, **(taken_out or {}))
 

@@ -373,6 +373,7 @@ class _Recorded:
             "counted": self.counted,
             "simulated": self.task.simulated,
             "carried": self.task.carried,
+            "scatter": self.task.scatter,
             "inputs": self.inputs,
         }
 
@@ -404,7 +405,6 @@ class _Recorded:
             both = zip(context.problem.runs, self.blur, strict=True)
             runs = tuple(replace(run, blur=blur) for run, blur in both)
             context = replace(context, problem=replace(context.problem, runs=runs))
-        context = replace(context, scatter=task.scatter)
         return context, effects, {**task.fixed, **held_of(effects, free, context.problem)}
 
     def look(self, free: Sequence[str]) -> FirstLook:

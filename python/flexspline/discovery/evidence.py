@@ -44,8 +44,7 @@ from flexspline.discovery.physics import level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import COULOMB, GRAVITY, LOAD_SCALES, OFFSET, OUTPUT_RIPPLE, STRIBECK
-from flexspline.least_squares.problem import Problem
-from flexspline.logs.local_fit import response
+from flexspline.least_squares.problem import Problem, noise_of_load
 from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import (
     SINGULAR,
@@ -60,7 +59,6 @@ from flexspline.regression.gram import (
     scaled_products,
     tabulated,
 )
-from flexspline.signals import torque_of_current
 
 __all__ = ["Dictionary", "Offer", "cone_gain", "cone_threshold", "dictionary_of", "equivalent_t",
            "held_out_gain", "offers", "threshold", "threshold_of"]  # fmt: skip
@@ -182,19 +180,16 @@ def dictionary_of(
     work: CandidateModel,
     wanted: Iterable[Effect],
     whitening: Whitening,
-    scatter: float = 0.0,
 ) -> Dictionary:
-    """Add up the products of the columns of a model and of effects beside it, in one pass.
-
-    `scatter`: noise of the load cell, Nm.
-    """
+    """Add up the products of the columns of a model and of effects beside it, in one pass."""
     wanted = list(dict.fromkeys(wanted))
     owners, span = tuple(work.owners()), span_of(problem)
     ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
     own = {e: np.arange(a, b) for e, a, b in zip(wanted, ends, ends[1:], strict=False)}
     table = tabulated(problem, work.assembly(beside=wanted), whitening)
     of_model = [(e, np.flatnonzero(np.array(owners) == e.name)) for e in work.effects]
-    noise = noise_of_load(problem, whitening, scatter)
+    noise = noise_of_load(problem, whitening.denominator, whitening.decimation)
+    noise *= rows_of(problem) / whitening.decimation / whitening.variance
     return Dictionary(
         target=problem.target,
         table=table,
@@ -206,29 +201,6 @@ def dictionary_of(
         simulated=problem.simulated is not None,
         noisy=noisy_table(table, [*of_model, *own.items()], noise),
     )
-
-
-def noise_of_load(problem: Problem, whitening: Whitening, scatter: float) -> float:
-    """Return what the noise of a known load is worth: its product in target and column, in χ².
-
-    The target has −n in it, for the noise n, white and of RMS `scatter` [Nm]; the column of the
-    load has what the smoother G of the load leaves of n. Of N rows behind the filter A of the noise
-
-        V = N ∫ S |A|² G df / σ²,  S = 2 scatter² / rate
-    """
-    known, log = problem.known_load, problem.runs[0].log
-    if known is None or not scatter:
-        return 0.0
-    frequency = np.linspace(0.0, 0.5 * log.rate, SETTINGS.rows)
-    passed = [way.bandwidth for way in problem.preparations if way.channel == known]
-    passed += [problem.lowpass] * 2 if problem.lowpass else []  # of target and columns
-    gain = np.prod([np.ones_like(frequency), *(response(frequency, b) for b in passed)], axis=0)
-    late = np.outer(frequency, np.arange(whitening.order + 1)) * whitening.decimation / log.rate
-    left = np.abs(np.exp(-2j * np.pi * late) @ whitening.denominator) ** 2
-    unit = torque_of_current(log, known) if problem.target == "motor_current" else 1.0
-    density = 2.0 * scatter**2 / log.rate / unit / whitening.variance
-    rows = rows_of(problem) / whitening.decimation
-    return float(rows * density * np.trapezoid(gain * left, frequency))
 
 
 def noisy_table(
@@ -244,7 +216,7 @@ def noisy_table(
     Parameters
     ----------
     owned : effects and their columns.
-    noise : V, as `noise_of_load` makes it.
+    noise : V, of `noise_of_load` over all rows, in χ².
     """
     load = next((at for e, at in owned if e.name in LOAD_SCALES and len(at)), None)
     if not noise or load is None:

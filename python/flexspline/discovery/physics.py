@@ -57,18 +57,18 @@ def one_signed(name: str, target: str) -> int:
     return int(target in DRIVES and traits_of(name).one_signed)
 
 
-def impossible(work: CandidateModel, name: str, problem: Problem, scatter: float = 0.0) -> str:
+def impossible(work: CandidateModel, name: str, problem: Problem) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
-    `scatter`: noise of the load cell as recorded, Nm, which a narrower loop follows: the same noise
-    is in the target, from which the load is subtracted. The drive decides signs: a sensor may see
-    either, and so may what corrects a simulation.
+    A loop that is narrower than the noise of the load follows that: the same noise is in the
+    target, from which the load is subtracted. The drive decides signs: a sensor may see either, and
+    so may what corrects a simulation.
     """
-    why = _bent_one_way(work, name, problem) or _not_its_form(work, name, problem, scatter)
+    why = _bent_one_way(work, name, problem) or _not_its_form(work, name, problem)
     return why or (_wrong_sign(work, name, problem) if problem.simulated is None else "")
 
 
-def _not_its_form(work: CandidateModel, name: str, problem: Problem, scatter: float) -> str:
+def _not_its_form(work: CandidateModel, name: str, problem: Problem) -> str:
     """Why the shape of an effect is not its own, "" where it is."""
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
@@ -78,7 +78,7 @@ def _not_its_form(work: CandidateModel, name: str, problem: Problem, scatter: fl
     if name == LOAD_LOOP and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
     if name == LOAD_LOOP and _slip(values, _shapes(work, name)["load_width"]) < (
-        SETTINGS.told * scatter
+        SETTINGS.told * problem.scatter
     ):
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:

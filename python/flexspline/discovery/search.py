@@ -105,8 +105,8 @@ Array = NDArray[np.float64]
 class SearchContext:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
-    `tied`: channels that are nearly a function of another. `scatter`: of the load cell, Nm.
-    `last`, `known`: what was asked for before, a table and the candidates beside models.
+    `tied`: channels that are nearly a function of another. `last`, `known`: what was asked for
+    before, a table and the candidates beside models.
     """
 
     problem: Problem
@@ -114,7 +114,6 @@ class SearchContext:
     not_tried: dict[str, str]
     orders: SeenOrders = field(default_factory=SeenOrders)
     tied: tuple[Dependence, ...] = ()
-    scatter: float = 0.0
     last: tuple[CandidateModel, Whitening, Dictionary] | None = None
     known: dict[tuple[Effect, ...], tuple[SeenOrders, list[Candidate]]] = field(
         default_factory=dict
@@ -160,7 +159,7 @@ class SearchContext:
         names = [effect.name for effect in work.named]
         every = [without, (), *((name,) for name in names)]
         wanted = [e for out in every for c in self.beside(work, out) for e in c.effects]
-        made = dictionary_of(self.problem, work, wanted, whitening, self.scatter)
+        made = dictionary_of(self.problem, work, wanted, whitening)
         self.last = work, whitening, made
         return replace(made, candidates=tuple(candidates))
 
@@ -642,7 +641,7 @@ class Searcher:
 
     def forbidden(self, work: CandidateModel, name: str) -> str:
         """Why a name of a fitted model cannot be what it says; empty where it can."""
-        reason = impossible(work, name, self.context.problem, self.context.scatter)
+        reason = impossible(work, name, self.context.problem)
         effect = next(e for e in work.effects if e.name == name)
         if not reason and effect.info.modulated and self._unmodulated(work, effect):
             return UNMODULATED

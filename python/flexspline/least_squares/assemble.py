@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.effects import Effect, unit_in
+from flexspline.effects.causes import LOAD_SCALES
 from flexspline.errors import InputError
 from flexspline.formatting import plus_minus, short, short_names
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
@@ -58,6 +59,7 @@ from flexspline.least_squares.problem import (
     Run,
     columns_of,
     memory_warnings,
+    noise_of_load,
     target_range,
     unresolved_speed,
 )
@@ -333,10 +335,12 @@ def _errors(
 ) -> tuple[Uncertainty, Delay | None]:
     """Errors of the parameters, and the delay of the load with its own."""
     if late is None:
-        return _blurred(made, made.uncertainty) if blurred else made.uncertainty, None
+        own = _moved_by_load(made, made.uncertainty)
+        return _blurred(made, own) if blurred else own, None
     whole = uncertainty_of(made, late.columns)
     freedom = whole.degrees_of_freedom
     shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])
+    shape = _moved_by_load(made, shape)
     error = float(whole.standard_errors[-1])
     counts = [counts_of(run) for run in made.tangent.problem.runs]
     makes = np.concatenate([late.of(k)[rows] for k, rows in enumerate(counts)])
@@ -344,6 +348,24 @@ def _errors(
     return _blurred(made, shape) if blurred else shape, Delay(
         late.channel, late.seconds, error, rms
     )
+
+
+def _moved_by_load(made: Estimate, uncertainty: Uncertainty) -> Uncertainty:
+    """The errors, with what the noise of a known load moves a scale of it by, and so all.
+
+    That is −V / S, where other channels tell the load but for S of its squares: they know it better
+    than its channel does. Its square is added to the covariance.
+    """
+    names = [made.names[k].split(".")[0] for k in made.fitted]
+    scale = next((k for k, name in enumerate(names) if name in LOAD_SCALES), None)
+    problem, by = made.tangent.problem, made.denominator
+    if scale is None or not problem.scatter:
+        return uncertainty
+    rows, along = sum(run.counted for run in problem.runs), uncertainty.basis[scale]
+    if by is not None:
+        along = uncertainty.core @ along / uncertainty.noise.innovation_variance
+    noise = rows * noise_of_load(problem, np.ones(1) if by is None else by)
+    return replace(uncertainty, core=uncertainty.core + noise**2 * np.outer(along, along))
 
 
 def _blurred(made: Estimate, uncertainty: Uncertainty) -> Uncertainty:

@@ -41,7 +41,7 @@ from flexspline.effects.causes import BASIC_FRICTION
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
-from flexspline.logs.local_fit import LocalFit, require_bandwidth
+from flexspline.logs.local_fit import LocalFit, require_bandwidth, response
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
@@ -55,6 +55,7 @@ from flexspline.signals import (
     require_finite,
     require_load,
     target_of,
+    torque_of_current,
 )
 from flexspline.simulator import Simulated, simulation_of
 
@@ -67,6 +68,7 @@ __all__ = [
     "columns_of",
     "kept_rows",
     "memory_warnings",
+    "noise_of_load",
     "own_basis_of",
     "problem_of",
     "resolved_rows",
@@ -94,6 +96,7 @@ HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would t
 SLOW = "temperature"
 LEAST = 0.5  # of a run: where less would count, all of it does
 DERIVED = 3  # rows between two gaps from which an acceleration can be derived
+FREQUENCIES = 10_000  # at which the noise of a load is added up
 TURNING = 2.0  # widths, at which friction is 96 % of what it will be
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
@@ -169,7 +172,8 @@ class Problem:
     rows (`per_run_terms.py`). `own`: terms, "effect.term", of which each run has one of its own;
     `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
-    `carried`: what the rows read as part of the load beside the channel, or None.
+    `carried`: what the rows read as part of the load beside the channel, or None. `scatter`: RMS of
+    the known load's noise, Nm.
     """
 
     runs: tuple[Run, ...]
@@ -185,6 +189,7 @@ class Problem:
     projected: tuple[Effect, ...] = ()
     simulated: Simulated | None = None
     carried: Carried | None = None
+    scatter: float = 0.0
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
@@ -405,12 +410,14 @@ def problem_of(
     counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
     carried: Carried | None = None,
+    scatter: float = 0.0,
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
     they are. `inputs`: these logs with the channels so made, where rows were taken out since.
-    `counted`: rows (N,) of each log that count; None for all. `own`, `carried`: see `Problem`.
+    `counted`: rows (N,) of each log that count; None for all. `own`, `carried`, `scatter`: see
+    `Problem`.
 
     Raises
     ------
@@ -434,7 +441,7 @@ def problem_of(
     block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
     problem = Problem(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, tuple(own),
-        preparations=tuple(preparations), simulated=simulated, carried=carried,
+        preparations=tuple(preparations), simulated=simulated, carried=carried, scatter=scatter,
     )  # fmt: skip
     return settled(problem, effects)
 
@@ -678,6 +685,27 @@ def unresolved_speed(problem: Problem, width: float) -> float:
             growth = max(float(np.sqrt(squares[1] / squares[0])) - 1.0, 1.0)
             weights += len(moved) ** 2 * growth**2 / float(squares[0])
     return 2.0 * float(np.sqrt(rows / weights)) if weights else 0.0
+
+
+def noise_of_load(problem: Problem, denominator: Array, decimation: int = 1) -> float:
+    """Return what the noise of a known load has in common with a scale of it, per row, unit² / Nm.
+
+    The target has −n in it, for the noise n, white and of RMS `scatter`; the column of the load has
+    what the smoother G of the load leaves of n. Behind a filter A of one row of `decimation`
+
+        v = ∫ S |A|² G df,  S = 2 scatter² / rate
+    """
+    known, log = problem.known_load, problem.runs[0].log
+    if known is None or not problem.scatter:
+        return 0.0
+    frequency = np.linspace(0.0, 0.5 * log.rate, FREQUENCIES)
+    passed = [way.bandwidth for way in problem.preparations if way.channel == known]
+    passed += [problem.lowpass] * 2 if problem.lowpass else []  # of target and columns
+    gain = np.prod([np.ones_like(frequency), *(response(frequency, b) for b in passed)], axis=0)
+    late = np.outer(frequency, np.arange(len(denominator))) * decimation / log.rate
+    left = np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2
+    unit = torque_of_current(log, known) if problem.target == "motor_current" else 1.0
+    return float(2.0 * problem.scatter**2 / log.rate / unit * np.trapezoid(gain * left, frequency))
 
 
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
