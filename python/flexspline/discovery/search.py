@@ -255,7 +255,7 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
-NOISE_OF_LOAD = "no more than what the noise of the load gives it beside a scale of that"
+NOISE_OF_LOAD = "no more than what the noise of the known load gives it"
 SPEED = "output_velocity"
 MOTOR_TORQUE, MOTOR_CURRENT = "motor_torque", "motor_current"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
