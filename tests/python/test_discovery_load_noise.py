@@ -19,6 +19,7 @@ from flexspline.regression.gram import Whitening
 
 Array = NDArray[np.float64]
 LOAD = "reference_torque"
+NM_PER_A = 8.0  # at the output
 
 
 def loaded(noise: float, gain: float) -> Log:
@@ -59,28 +60,36 @@ def told_by_motion(
     time, speed = 0.002 * np.arange(len(angle)), np.gradient(angle, 0.002)
     turned, rng = np.gradient(speed, 0.002), np.random.default_rng(seed)
     load = 12.0 * np.sin(angle) + 0.3 * turned + more * np.sin(7.0 * time)
+    cell = load + rng.normal(0.0, noise, len(angle))
+    seen = (1.0 + gain) * load + rng.normal(0.0, 0.05, len(angle))
     return Log.from_arrays(
         time=time, output_position=angle, output_velocity=speed, output_acceleration=turned,
-        reference_torque=load + rng.normal(0.0, noise, len(angle)),
-        sensor_torque=(1.0 + gain) * load + rng.normal(0.0, 0.05, len(angle)),
-        facts={"gear_ratio": 100.0},
+        reference_torque=cell, sensor_torque=seen, motor_torque=seen / 100.0,
+        motor_current=seen / NM_PER_A,
+        facts={"gear_ratio": 100.0, "torque_constant": NM_PER_A / 100.0},
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("target", "scale"),
+    [("sensor_torque", "gain_error"), ("motor_torque", "torque_constant_error"),
+     ("motor_current", "torque_constant_error")],
+)  # fmt: skip
 @pytest.mark.parametrize("noise", [0.1, 0.4])
-def test_what_the_noise_gives_is_foretold(noise: float) -> None:
+def test_what_the_noise_gives_is_foretold(noise: float, target: str, scale: str) -> None:
     """Gravity and inertia tell the load; nothing is missing, and they gain beside a free scale."""
     log = told_by_motion(strokes(), noise, seed=4)
-    base = [effect("offset"), effect("gain_error")]
+    base = [effect("offset"), effect(scale)]
     wanted = [effect("gravity"), effect("inertia")]
     problem = search_context_of(
-        base, [log], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1, scatter=noise
+        base, [log], target, known_load=LOAD, lowpass_hz=None, threads=1, scatter=noise
     ).problem
-    white = Whitening(np.ones(1), 0.05**2 + noise**2, problem.decimation)
+    unit = NM_PER_A if target == "motor_current" else 1.0
+    white = Whitening(np.ones(1), (0.05**2 + noise**2) / unit**2, problem.decimation)
     work, _ = refitted(problem, candidate_model_of(base, len(base), {}), white)
     made = dictionary_of(problem, work, wanted, white)
     columns = np.concatenate([made.at[one] for one in wanted])
-    told = made.by_noise(columns, made.model)
+    told = 0.5 * made.by_noise(columns, made.model)  # a name has to gain twice that
     assert told > 1000.0
     assert made.table.gain(columns, made.model) == pytest.approx(told, rel=0.1)
     quiet = dictionary_of(replace(problem, scatter=0.0), work, wanted, white)

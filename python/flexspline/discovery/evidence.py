@@ -29,7 +29,7 @@ gain / count. Source: [Bishop2006], Pattern Recognition and Machine Learning, se
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 
@@ -55,7 +55,6 @@ from flexspline.regression.gram import (
     gain_of,
     gains_of,
     left_by,
-    rows_of,
     scaled_products,
     tabulated,
 )
@@ -133,7 +132,7 @@ class Dictionary:
     them. `at`: columns of each effect that a candidate consists of, but for those that these runs
     do not show (`unseen`). `coulomb`: level of the model's Coulomb friction, 0 without.
     `simulated`: whether a simulation is the base, which may have too much of a friction.
-    `noisy`: the table with what columns have in common with the noise of a load (`noisy_table`).
+    `noisy`: the table with what columns have in common with the noise of a load (`_noisy_table`).
     """
 
     target: str
@@ -147,8 +146,10 @@ class Dictionary:
     noisy: Table | None = None
 
     def by_noise(self, columns: Columns, model: Columns) -> float:
-        """What the noise of a known load gives columns beside a model, χ²."""
-        return self.noisy.gain(columns, model) if self.noisy else 0.0
+        """Twice what the noise of a known load gives columns beside a model, χ²: what gains less
+        is most likely that.
+        """
+        return 2.0 * self.noisy.gain(columns, model) if self.noisy else 0.0
 
     @cached_property
     def raw(self) -> Array:
@@ -176,10 +177,7 @@ class Dictionary:
 
 
 def dictionary_of(
-    problem: Problem,
-    work: CandidateModel,
-    wanted: Iterable[Effect],
-    whitening: Whitening,
+    problem: Problem, work: CandidateModel, wanted: Iterable[Effect], whitening: Whitening
 ) -> Dictionary:
     """Add up the products of the columns of a model and of effects beside it, in one pass."""
     wanted = list(dict.fromkeys(wanted))
@@ -187,9 +185,8 @@ def dictionary_of(
     ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
     own = {e: np.arange(a, b) for e, a, b in zip(wanted, ends, ends[1:], strict=False)}
     table = tabulated(problem, work.assembly(beside=wanted), whitening)
-    of_model = [(e, np.flatnonzero(np.array(owners) == e.name)) for e in work.effects]
-    noise = noise_of_load(problem, whitening.denominator, whitening.decimation)
-    noise *= rows_of(problem) / whitening.decimation / whitening.variance
+    every = [*owners, *(effect.name for effect in wanted for _ in effect.terms)]
+    reading = {effect.name for effect in (*work.effects, *wanted) if "load" in effect.reads}
     return Dictionary(
         target=problem.target,
         table=table,
@@ -199,35 +196,40 @@ def dictionary_of(
         at={effect: np.delete(columns, unseen(effect, span)) for effect, columns in own.items()},
         coulomb=level_of(work, COULOMB),
         simulated=problem.simulated is not None,
-        noisy=noisy_table(table, [*of_model, *own.items()], noise),
+        noisy=_noisy_table(table, every, reading, problem, whitening),
     )
 
 
-def noisy_table(
-    table: Table, owned: Sequence[tuple[Effect, Columns]], noise: float
+def _noisy_table(
+    table: Table,
+    owners: Sequence[str],
+    reading: Collection[str],
+    problem: Problem,
+    whitening: Whitening,
 ) -> Table | None:
     """Return the table with −V c, by which columns follow the noise of a load, for the target's.
 
     Least squares takes V / S of the load away where others tell it but for S of its squares: they
-    know it better than its channel does. V² / S is gained by that, from nothing. c is the slope of
-    a column over the load, 1 of a scale of it: the mean derivative of any function of a load that
-    is about normal [Bussgang1952]. None where no column is the load.
+    know it better than its channel does. V² / S is gained by that, from nothing. V is that of all
+    rows (`noise_of_load`), in χ²; c is the slope of a column over the load, 1 of a scale of it: the
+    mean derivative of any function of a load that is about normal [Bussgang1952]. None where no
+    column is the load, or its noise is not known.
 
     Parameters
     ----------
-    owned : effects and their columns.
-    noise : V, of `noise_of_load` over all rows, in χ².
+    owners : effect of each column, (C,). reading : effects that read the load.
     """
-    load = next((at for e, at in owned if e.name in LOAD_SCALES and len(at)), None)
-    if not noise or load is None:
+    load = next((k for k, name in enumerate(owners) if name in LOAD_SCALES), None)
+    if load is None or not problem.scatter:
         return None
-    constant = [at for e, at in owned if e.name == OFFSET][:1]
-    beside = table.without(np.concatenate([*constant, np.empty(0, int)]))
-    total, reading = table.total.copy(), np.zeros(len(beside), bool)
-    reading[np.concatenate([at for e, at in owned if "load" in e.reads])] = True
-    slopes = beside[load[0]] / max(float(beside[load[0], load[0]]), TINY)
-    total[-1, :-1] = total[:-1, -1] = np.where(reading, -noise * slopes, 0.0)[:-1]
-    return Table(total[None], np.array([table.rows.sum()]))
+    rows, names = int(table.rows.sum()), np.array(owners)
+    noise = noise_of_load(problem, whitening.denominator, whitening.decimation)
+    beside = table.without(np.flatnonzero(names == OFFSET)[:1])  # as a candidate it is there again
+    slopes = beside[load, :-1] / max(float(beside[load, load]), TINY)
+    follows = np.where(np.isin(names, [*reading]), slopes, 0.0)
+    total = table.total.copy()
+    total[-1, :-1] = total[:-1, -1] = -rows * noise / whitening.variance * follows
+    return Table(total[None], np.array([rows]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -364,14 +364,15 @@ class Searcher:
     def _owed(
         self, dictionary: Dictionary, work: CandidateModel, effect: Effect
     ) -> tuple[float, float]:
-        """What a name has to gain beside all others: its threshold, its shapes known; and what
-        forms of others miss or the noise of the load gives."""
+        """What a name has to gain beside all others: its threshold, its shapes known; and what the
+        forms of others miss or the noise of the load gives.
+        """
         cost = cost_of(dictionary, work, effect.name)
         if self.lax:
             return cost, 0.0
         form = self._missed(dictionary, work, effect, dictionary.gain(effect.name))
         noise = dictionary.by_noise(dictionary.own(effect.name), dictionary.without([effect.name]))
-        return cost, max(form, 2.0 * noise)
+        return cost, max(form, noise)
 
     def _examined(self, work: CandidateModel, squares: float) -> tuple[CandidateModel, float]:
         """Drop names, or exchange them for one or two others where that is better."""
@@ -505,7 +506,7 @@ class Searcher:
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
         noise = dictionary.by_noise(offer.columns, model)
-        if noise > 0.5 * dictionary.table.gain(offer.columns, model):  # that of orders is another
+        if noise > dictionary.table.gain(offer.columns, model):  # that of orders is another
             self.refused[offer.effect.name] = NOISE_OF_LOAD
             return False
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):

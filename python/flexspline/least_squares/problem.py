@@ -688,7 +688,7 @@ def unresolved_speed(problem: Problem, width: float) -> float:
 
 
 def noise_of_load(problem: Problem, denominator: Array, decimation: int = 1) -> float:
-    """Return what the noise of a known load has in common with a scale of it, per row, unit² / Nm.
+    """Return what the noise of a known load has in common with a scale of it, per row, unit · Nm.
 
     The target has −n in it, for the noise n, white and of RMS `scatter`; the column of the load has
     what the smoother G of the load leaves of n. Behind a filter A of one row of `decimation`
