@@ -36,7 +36,9 @@ def unseen_errors(made: Made, found: Discovery) -> tuple[tuple[float, float, flo
     known = {name: found.model.facts[name] for name in ("gear_ratio",) if name in found.model.facts}
     given, more = ([_columns(part, log.with_facts(known)) for log in logs]
                    for logs in (made.logs, made.unseen))  # fmt: skip
-    counts = np.concatenate([run.counts for run in found.fit.runs])
+    fitted_to = zip(made.logs, found.fit.runs, strict=True)  # a drive on time lacks rows at the end
+    counts = np.concatenate([np.isin(log["time"], run.log["time"][run.counts])
+                             for log, run in fitted_to])  # fmt: skip
     rows, y, there, _ = (np.concatenate(parts) for parts in zip(*given, strict=True))
     rows, y = rows[there & counts], y[there & counts]
     owners = np.array([e.name for e in part.effects for _ in e.terms])

@@ -902,7 +902,7 @@ def _late_torque(
         return
     most = 0.98 * within
     if channel in DRIVE and whole.seconds < most and is_delay(whole):
-        late = _of_a_drive(motion, columns, reading, whole)
+        late = _of_a_drive(log, motion, columns, reading)
         if late is not None:
             yield _late_drive(log, channel, late)
             return
@@ -943,16 +943,21 @@ def _drive_delay(log: Log, channel: str) -> Delay | None:
     return _behind_motion(motion, motion_columns(log, motion), motion.smooth(log[channel]))
 
 
-def _of_a_drive(motion: Motion, columns: Array, reading: Array, whole: Delay) -> Delay | None:
+def _of_a_drive(log: Log, motion: Motion, columns: Array, reading: Array) -> Delay | None:
     """Return the delay of a drive that is there where presliding is over too; None without one.
 
-    That of the whole run where both agree. Where they do not, friction that rises over a travel is
-    in the whole of it, and what its other rows say of most that is left of them is the delay.
+    It has to be there beside friction of the load and of the angle, of which it explains a part. It
+    is that of the whole run where both agree. Where they do not, friction that rises over a travel
+    is in the whole of it, and what its other rows say of most that is left of them is the delay.
     """
+    within = _torque_within(motion)
+    beside = np.column_stack((_friction_of_place(log, motion, columns[:, 0]), columns))
+    whole = _behind_motion(motion, beside, reading)
+    if whole is None or not (is_delay(whole) and 0.0 < whole.seconds < 0.98 * within):
+        return None
     speed, step = np.abs(motion.velocity), median_step(motion.time)
     usual = float(np.percentile(speed, 95))
     sticks = motion.time[_travel_since_reversal(motion) <= SLID * whole.seconds * usual]
-    within = _torque_within(motion)
     most, valid = min(2.0 * whole.seconds, within), motion.inside(within)
     fast = valid & (speed > 0.5 * usual) & motion.away_from(sticks, most)
     if np.count_nonzero(fast) < FAR * np.count_nonzero(valid):
@@ -964,6 +969,13 @@ def _of_a_drive(motion: Motion, columns: Array, reading: Array, whole: Delay) ->
     if there.gain >= 0.01 and 0.5 < there.seconds / whole.seconds < 2.0:
         return whole
     return there if is_delay(there) else None
+
+
+def _friction_of_place(log: Log, motion: Motion, direction: Array) -> Array:
+    """Columns of friction that depends on the angle, such as that of a weight, or on a load."""
+    turns = [wave(k * motion.position) for k in (1, 2) for wave in (np.sin, np.cos)]
+    loads = [np.abs(motion.smooth(log[LOAD]))] if LOAD in log else []
+    return np.asarray(direction[:, None] * np.column_stack((*turns, *loads)))
 
 
 def _travel_since_reversal(motion: Motion) -> Array:
