@@ -751,6 +751,25 @@ def test_friction_of_the_angle_that_grows_with_the_speed_is_no_friction_of_the_a
     assert (name in made.doubted, name in made.names) == (grows, not grows)
 
 
+@pytest.mark.parametrize(("depth", "named"), [(0.2, True), (0.6, False)])
+def test_a_gain_that_varies_with_the_angle_is_no_gain_error(depth: float, named: bool) -> None:
+    """Of its squares 2 and 18 % vary: a name is a constant times its form but for a small part."""
+
+    def over_the_angle(c: dict[str, Array]) -> Array:
+        return np.asarray(0.02 * c[LOAD] * (1.0 + depth * np.sin(c["output_position"])))
+
+    made = found(base(), runs(added=over_the_angle))
+    if named:
+        assert made.names == ("gain_error",) and made.withdrawn == {}
+    else:
+        assert made.names == () and made.unexplained is not None
+        assert {*made.unexplained.depends_on} == {"output_position", LOAD}
+        assert made.withdrawn == {"gain_error": f"{analysis.VARIES} output_position"}
+        assert f"Withdrawn: gain_error ({made.withdrawn['gain_error']})." in " ".join(
+            str(made).split()
+        )
+
+
 def test_a_drag_that_grows_with_the_square_of_the_speed_one_way_is_no_friction_of_both() -> None:
     """Large enough that names explain most of the gap, so that the flexible basis rejects none."""
 

@@ -16,9 +16,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, channel_told, flexible_basis
+from flexspline.discovery.basis import (
+    Functions,
+    Varied,
+    channel_told,
+    flexible_basis,
+    state_functions,
+)
 from flexspline.discovery.candidates import Candidate
-from flexspline.discovery.evidence import Dictionary, Offer, dictionary_of, offers, threshold
+from flexspline.discovery.evidence import (
+    Dictionary,
+    Offer,
+    dictionary_of,
+    held_out_gain,
+    offers,
+    threshold,
+)
 from flexspline.discovery.search import FEW_PLACES, SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
@@ -48,6 +61,7 @@ __all__ = ["Analysis", "FirstLook", "Rival", "analysed", "contribution", "first_
 Array = NDArray[np.float64]
 
 READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
+VARIES = "it is no constant: its size varies with"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
 
@@ -482,12 +496,8 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     plain = searcher.pruned(simplest(searcher, final, rejected))
     if plain is not final:
         final, leftover = plain, leftover_of(bound, plain)
-    for effect in final.named:
-        there = effect.name in [e.name for e in final.named]
-        if there and not effect.info.remembers and _of_one_part(bound, final, effect, leftover):
-            rejected.append(effect.name)
-            final = _less(searcher, final, effect.name)
-            leftover = leftover_of(bound, final)
+    final, leftover, more = _of_one_size(searcher, bound, final, leftover)
+    rejected += more
     return Analysis(
         whole, context, base, final, searcher, bound, tuple(steps), leftover, tuple(rejected)
     )
@@ -615,6 +625,28 @@ def tied_channels(problem: Problem, work: CandidateModel) -> tuple[Dependence, .
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
+def _of_one_size(
+    searcher: Searcher, bound: ExplainableBound, final: CandidateModel, leftover: Leftover
+) -> tuple[CandidateModel, Leftover, list[str]]:
+    """The model less names that are no constant times their form, what is left, and the spurious.
+
+    The searcher is told why another was not taken.
+    """
+    rejected = list[str]()
+    for effect in final.named:
+        if effect.name not in [e.name for e in final.named] or effect.info.remembers:
+            continue
+        if channel := _varies_with(bound, final, effect, searcher.context.tied):
+            searcher.refused[effect.name] = f"{VARIES} {channel}"
+        elif _of_one_part(bound, final, effect, leftover):
+            rejected.append(effect.name)
+        else:
+            continue
+        final = _less(searcher, final, effect.name)
+        leftover = leftover_of(bound, final)
+    return final, leftover, rejected
+
+
 def _of_one_part(
     bound: ExplainableBound, work: CandidateModel, effect: Effect, leftover: Leftover
 ) -> bool:
@@ -640,6 +672,40 @@ def _of_one_part(
     mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
     faster = [np.abs(v) / mean - 1.0 for v in velocity]
     return 0.5 < _left_by(bound, work, name, parts, faster)[0] < 2.0
+
+
+def _varies_with(
+    bound: ExplainableBound, work: CandidateModel, effect: Effect, tied: Sequence[Dependence]
+) -> str:
+    """The channel with which most of the size of a name varies, "" where it is one size.
+
+    What the name explains, times functions of a channel of the joint's state that it does not read,
+    gains more beside the model than a small part of what it does, than what is no second name
+    beside all names, and than another form might; and so it does on folds. A ripple lives in bands
+    of the speed; and an offset times a function is whatever else the function is.
+    """
+    problem, name = bound.many, effect.name
+    read = {problem.known_load if c in ("load", "motor_torque") else c for c in effect.reads}
+    read |= {"output_velocity", "output_acceleration"} if effect.ripple else set()
+    free = [
+        group for group in state_functions(problem) if group.channels[0] not in read
+        and not any(one.swapped(effect.reads, group.channels) for one in tied)
+    ]  # fmt: skip
+    if not free or not effect.reads:
+        return ""
+    parts = tuple(np.nan_to_num(part) for part in contribution(problem, work, name))
+    assembly = work.assembly(given=Varied(parts, Functions(tuple(free))))
+    table = tabulated(problem, assembly, bound.whitening)
+    model, owners = np.arange(len(work.owners())), np.array(work.owners())
+    own = {e.name: table.gain(model[owners == e.name], model[owners != e.name]) for e in work.named}
+    least = max(SETTINGS.little * own[name], SETTINGS.bends * sum(own.values()), SETTINGS.doubtful)
+    ends, found = len(model) + np.cumsum([0, *(group.count for group in free)]), {"": 0.0}
+    for group, first, last in zip(free, ends, ends[1:], strict=False):
+        more = np.arange(first, last)
+        gain = table.gain(more, model)
+        if gain > least and held_out_gain(table, model, more, gain).sum() > 0.5**2 * gain:
+            found[group.channels[0]] = gain
+    return max(found, key=lambda channel: found[channel])
 
 
 def _left_by(

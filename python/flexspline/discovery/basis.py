@@ -33,9 +33,9 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
-__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "TURNS", "BasisFunctions", "Functions",
-           "bent_forms", "channel_told", "flexible_basis", "past_of", "places_of", "turning_over",
-           "values_of"]  # fmt: skip
+__all__ = ["DIRECTION", "LEAD", "RATE", "ROUND", "TURNS", "BasisFunctions", "Functions", "Varied",
+           "bent_forms", "channel_told", "flexible_basis", "past_of", "places_of",
+           "state_functions", "turning_over", "values_of"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -85,6 +85,8 @@ HIDDEN = {
 """Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position",
          "simulated_torque")  # fmt: skip
+STATE = ("output_position", "output_velocity", "output_acceleration", "temperature", "load")
+"""Of a joint; its load where it is known."""
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
 LAGGED = ("temperature", "motor_torque")
 """Channels whose past may act, beside the load's; that of the motion is friction with memory."""
@@ -186,6 +188,13 @@ def flexible_basis(problem: Problem, *, pairs: bool = True) -> list[BasisFunctio
     return [*alone, *crossed] if pairs else [*alone]
 
 
+def state_functions(problem: Problem) -> list[BasisFunctions]:
+    """Return some functions of each channel of the joint's state that all runs have."""
+    sample, few = _sample(problem), 2 * SETTINGS.tried
+    names = (problem.known_load if name == "load" else name for name in STATE)
+    return [BasisFunctions((n,), *_fine(sample, n, few)) for n in names if n in sample]
+
+
 def _flexible(sample: Values) -> tuple[list[BasisFunctions], list[BasisFunctions]]:
     """All functions of every channel; and few of every channel and of every two."""
     past = [name for name in sample if name + PAST in sample]
@@ -228,13 +237,13 @@ def _sample(problem: Problem) -> Values:
     return problem.once("sample", made)
 
 
-def _fine(sample: Values, name: str) -> tuple[Basis, int]:
+def _fine(sample: Values, name: str, count: int = SETTINGS.functions) -> tuple[Basis, int]:
     """All functions of one channel: periodic over a turn of an angle that turns, else hats."""
     if name == ROUND:
-        return _turning(name, range(1, SETTINGS.functions + 1)), 2 * SETTINGS.functions
+        return _turning(name, range(1, count + 1)), 2 * count
     if name == "output_position" and np.ptp(sample[name]) > TURN:
-        return _turning(name, range(1, SETTINGS.functions // 2 + 1)), SETTINGS.functions
-    return _hats_of(sample, name, SETTINGS.functions)
+        return _turning(name, range(1, count // 2 + 1)), count
+    return _hats_of(sample, name, count)
 
 
 def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
@@ -417,6 +426,22 @@ class Functions:
         if self.column is not None:
             made[:, done] = self.column[number][rows]
         return made
+
+
+@dataclass(frozen=True, eq=False)
+class Varied:
+    """Functions times a torque (N,) of each run, as columns of a `ColumnAssembly`."""
+
+    torque: tuple[Array, ...]
+    functions: Functions
+
+    @property
+    def count(self) -> int:
+        return self.functions.count
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        return self.functions.rows(problem, number, rows) * self.torque[number][rows, None]
 
 
 @dataclass(frozen=True, eq=False)

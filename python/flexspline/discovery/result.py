@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from flexspline.about import __version__
-from flexspline.discovery.analysis import Analysis
+from flexspline.discovery.analysis import VARIES, Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
@@ -343,8 +343,8 @@ class Discovery(Rendered):
     @property
     def withdrawn(self) -> dict[str, str]:
         """Names that the search found and these runs do not bear out, with the reason."""
-        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNTOLD, FORMED, UNLIKELY, LESSER)
-        return {name: why for name, why in self.refused.items() if why in whys}
+        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNTOLD, FORMED, UNLIKELY, LESSER, VARIES)
+        return {name: why for name, why in self.refused.items() if why.startswith(whys)}
 
     @property
     def noise_floor(self) -> float:

@@ -75,7 +75,7 @@ class ExplainableBound:
             FunctionTable(few, groups, whitening, rows_of(few) / rows_of(problem), rivals),
             FunctionTable(many, plain, whitening, rows_of(many) / rows_of(problem), rivals),
         )
-        self.problem, self.share = few, self.tables[0].share
+        self.problem, self.share, self.many = few, self.tables[0].share, many
 
 
 class FunctionTable:
