@@ -1,19 +1,18 @@
-// The parameters of an exported joint or model as a block: its own ones out, others in.
+// The parameters of exported joints and models as blocks: their own ones out, others in.
 //
-//   block float|double < nothing > its own block
-//   block float|double < a block > status of loading it (one byte), then its block after that
+//   block float|double NAME < nothing > its own block
+//   block float|double NAME < a block > status of loading it (one byte), then its block after that
+//
+// `MODELS(X)` is X of the name of each exported header (of its namespace), all of which `models.hpp`
+// includes, and of what it holds: `joint` or `model`.
 #include "flexspline/block.hpp"
 
 #include <cstdio>
 #include <cstring>
 #include <vector>
 
-#include "joint.hpp"
+#include "models.hpp"
 #include "saved.hpp"
-
-#ifndef MADE
-#define MADE joint::joint
-#endif
 
 namespace {
 
@@ -31,7 +30,12 @@ int answer(T made) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 2) return 2;
+  if (count != 3) return 2;
   const bool single = std::strcmp(arguments[1], "float") == 0;
-  return single ? answer(MADE<float>) : answer(MADE<double>);
+#define ANSWER(name, made)                                                  \
+  if (std::strcmp(arguments[2], #name) == 0) {                              \
+    return single ? answer(name::made<float>) : answer(name::made<double>); \
+  }
+  MODELS(ANSWER)
+  return 2;
 }

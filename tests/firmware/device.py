@@ -62,17 +62,25 @@ def compiled(
     return _compiled(folder, compiler, name, defines)
 
 
-def compiled_together(models: Mapping[str, Model], folder: Path, compiler: str) -> Path:
-    """Export models by their names and compile `stream.cpp` with all of them.
+def compiled_together(
+    models: Mapping[str, Model],
+    folder: Path,
+    compiler: str,
+    name: str = "stream",
+    defines: tuple[str, ...] = (),
+    holds: Mapping[str, str] | None = None,
+) -> Path:
+    """Export models by their names and compile `stream.cpp`, or another program, with all of them.
 
     One program of many models is compiled several times as fast as a program for each.
+    `holds`: what else a program is told of each, such as "joint".
     """
-    for name, model in models.items():
-        export(model, folder / f"{name}.hpp")
-    includes = [f'#include "{name}.hpp"' for name in models]
-    listed = " ".join(f"X({name})" for name in models)
+    for one, model in models.items():
+        export(model, folder / f"{one}.hpp")
+    includes = [f'#include "{one}.hpp"' for one in models]
+    listed = " ".join(f"X({one}, {holds[one]})" if holds else f"X({one})" for one in models)
     (folder / "models.hpp").write_text("\n".join([*includes, f"#define MODELS(X) {listed}", ""]))
-    return _compiled(folder, compiler, "stream", ())
+    return _compiled(folder, compiler, name, defines)
 
 
 def _compiled(folder: Path, compiler: str, name: str, defines: tuple[str, ...]) -> Path:
