@@ -702,8 +702,14 @@ def test_a_late_load_cell_is_a_fault_with_its_size_and_no_name(target: str) -> N
     assert made.final_rmse < 0.012  # the target's own noise is 0.01 Nm
 
 
+@cache
+def differing() -> Discovery:
+    """Friction that differs between the directions."""
+    return found(base(), runs(added=one_sided))
+
+
 def test_friction_that_differs_between_directions_is_reported_and_names_nothing() -> None:
-    made = found(base(), runs(added=one_sided))
+    made = differing()
     assert made.names == () and made.also_seen == () and made.unexplained is None
     assert DIRECTIONS in [e.name for e in made.fit.part.effects]
     value, error = value_of(made.fit, f"{DIRECTIONS}.viscosity")
@@ -718,8 +724,8 @@ def test_friction_that_differs_between_directions_is_reported_and_names_nothing(
 
 
 def test_the_error_without_friction_by_direction_is_that_of_a_fit_without_it() -> None:
+    made = differing()
     logs = runs(added=one_sided)
-    made = found(base(), logs)
     plain = flexspline.fit(base(), logs, "sensor_torque", known_load=LOAD)
     left = np.concatenate([run.measured - run.predicted for run in plain.runs])
     assert made.without_directions is not None and made.final_rmse < 0.5 * made.without_directions
@@ -727,7 +733,7 @@ def test_the_error_without_friction_by_direction_is_that_of_a_fit_without_it() -
 
 
 def test_friction_that_differs_by_next_to_nothing_is_not_in_the_headline() -> None:
-    made = found(base(), runs(added=one_sided))
+    made = differing()
     little = made.final_rmse / (1.0 - 0.99 * SETTINGS.negligible)
     for without in (little, None):
         said = verdict(replace(made, without_directions=without))
