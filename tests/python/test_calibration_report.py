@@ -112,6 +112,7 @@ def test_tables_hold_the_same_numbers() -> None:
     assert figures.loc["hysteresis", "percent"] == whole().figure("hysteresis").percent
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_call_that_the_report_prints_makes_the_calibration_again(tmp_path: Path) -> None:
     import flexspline
 

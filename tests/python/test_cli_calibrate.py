@@ -66,6 +66,7 @@ def test_options_reach_the_calibration(tmp_path: Path, runs: list[Path]) -> None
     assert (calibration.sensitivity, calibration.full_scale) == (62.5, 100.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_into_updates_the_drift_of_a_model(tmp_path: Path, runs: list[Path]) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     assert call("calibrate", runs[0], "--degree", 0, "--out", first).exit_code == 0

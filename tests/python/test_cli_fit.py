@@ -203,6 +203,7 @@ def test_a_process_ended_half_way_leaves_the_old_model(
         assert list(tmp_path.iterdir()) == [out]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_two_processes_that_write_to_one_folder_leave_a_whole_model(
     tmp_path: Path, runs: list[Path]
 ) -> None:

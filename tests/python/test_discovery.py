@@ -182,6 +182,7 @@ def test_a_late_velocity_is_a_fault_before_it_is_physics() -> None:
     assert json.loads(made.to_json())["data_faults"][0]["rows"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_holds_names_and_evidence(tmp_path: Path) -> None:
     made = found("two")
     made.report(tmp_path / "report.html")

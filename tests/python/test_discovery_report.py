@@ -135,6 +135,7 @@ def test_the_text_says_what_is_known_of_coefficients_that_are_not_known_alone() 
     assert "= 0.250 ± 0.010 Nm" in text and "gravity" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_spurious_is_listed_as_tried_and_none_is_said_to_gain_less_than_chance(
     tmp_path: Path,
 ) -> None:
@@ -331,6 +332,7 @@ def test_a_page_without_a_name_speaks_of_none(tmp_path: Path) -> None:
     assert page_faults(tmp_path / "report.html") == []
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_in_the_model_and_was_not_given_is_marked_as_new(tmp_path: Path) -> None:
     made = replace(found(), base_effects=("offset",))
     made.report(tmp_path / "report.html")

@@ -192,6 +192,7 @@ def test_a_damaged_pilot_leaves_its_place_to_the_next(tmp_path: Path) -> None:
         fit_fleet(tmp_path, "sensor_torque", NAMES, workers=0, pilot="joint00")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_leaves_numbers_pages_and_models(line: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ("fleet", "fit", line, "--target", "sensor_torque", "--effects", EFFECTS)

@@ -200,6 +200,7 @@ def runs_of(folder: Path, level: float) -> list[Path]:
     return paths
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_discover_says_what_a_urdf_lacks(tmp_path: Path) -> None:
     runs, path = runs_of(tmp_path, 0.8), written(tmp_path, URDF.replace('"bare"', '"other"'))
     given = ("--model", path, "--model-joint", "elbow", "--target", "sensor_torque")
@@ -215,6 +216,7 @@ def test_discover_says_what_a_urdf_lacks(tmp_path: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_predict_and_compare_take_the_numbers_of_the_file(tmp_path: Path) -> None:
     (run, *_), path = runs_of(tmp_path, 0.0), written(tmp_path, URDF)
     given = ("--model", path, "--model-joint", "elbow", "--target", "sensor_torque")

@@ -169,6 +169,7 @@ def test_a_wrong_torque_constant_is_what_is_left_of_the_load() -> None:
     assert factor.value == pytest.approx(truth, abs=4.5 * factor.standard_error)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_subtracts_the_load_and_names_what_it_lacks(tmp_path: Path) -> None:
     log = run_of(0)
     bare = tmp_path / "run.csv"

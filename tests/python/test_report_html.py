@@ -54,6 +54,7 @@ def test_zeros_at_the_end_of_a_size_are_said() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("tied", [False, True])
 def test_what_is_strongly_correlated_is_not_said_to_be_determined_by_itself(
     tied: bool, tmp_path: Path

@@ -101,6 +101,7 @@ def test_the_command_writes_what_the_call_tells(tmp_path: Path) -> None:
     assert "coulomb_friction rose" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_models_of_each_session_tell_the_same(tmp_path: Path) -> None:
     paths = write_models(tmp_path)
     made = history_of(paths)
