@@ -22,7 +22,6 @@ from flexspline.tracking import FleetTrack, track, track_fleet
 from flexspline.tracking.changes import threshold
 
 SESSIONS, ONSET, STEP = 14, 8, 0.15
-SECONDS = 6.0  # of a run
 
 
 def date(week: int) -> str:
@@ -39,7 +38,7 @@ def write_fleet(folder: Path, dated: bool = True) -> Path:
             name = date(week) if dated else f"w{week}"
             path = folder / f"joint{number}" / f"{name}.csv"
             path.parent.mkdir(exist_ok=True)
-            write_log(run_of(now, rng, SECONDS, name=name), path)
+            write_log(run_of(now, rng, 10.0, name=name), path)
     return folder
 
 
