@@ -247,3 +247,20 @@ def test_a_fit_that_reads_no_temperature_goes_on_and_one_that_does_is_refused() 
     assert any("temperature is beyond what any joint has in 10 rows" in w for w in fit.warnings)
     with pytest.raises(InputError, match=r"temperature is -3277 .* no joint has .*drop_inv"):
         flexspline.fit(["temperature_dependent_friction"], [log], target="motor_torque")
+
+
+@pytest.mark.parametrize("channel", ["temperature", "motor_temperature"])
+@pytest.mark.parametrize(("celsius", "said"), [(-40.0, "-40"), (23.5, "23.5"), (120.0, "120")])
+def test_a_temperature_in_kelvin_is_told_and_one_in_celsius_is_not(
+    channel: str, celsius: float, said: str
+) -> None:
+    def log(zero: float) -> Log:
+        warm = zero + celsius + np.linspace(-0.2, 0.2, len(sound_log(SEED)))
+        warm[7] = np.nan
+        return sound_log(SEED).with_columns({channel: warm}, note="with a thermometer")
+
+    assert not check(log(0.0)).named("temperature_unit")
+    (found,) = check(log(273.15)).named("temperature_unit")
+    assert (found.severity, found.channel, found.unit) == ("fault", channel, "°C")
+    assert found.sentence.endswith(f"in kelvin, and this is {said} °C.")
+    assert found.remedy == "Give the column its unit, K, or take 273.15 off."

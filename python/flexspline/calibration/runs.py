@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 VOLTAGE = "sensor_voltage"
 MOST_VOLTS = 30.0  # no converter of a bridge reads more; millivolts do
 LEAST_VOLTS = 1e-5  # of full range: a bridge that says nothing, or another unit
-WARMEST = 200.0  # °C; above it the column is kelvin
 MOST_LEAP = 10.0  # K, of one row against both of its neighbours
 MOST_TORQUE = 1e4  # Nm, the largest strain wave gears
 LEAST_ROWS = 16
@@ -337,9 +336,6 @@ def _strange(runs: Sequence[CalibrationRun]) -> list[str]:
             f"the reference reaches {load:.4g} Nm, more than strain wave gears bear: if the "
             "column is in mNm, say so in the column map"
         )
-    warm = [run.temperature for run in runs if run.temperature is not None]
-    if warm and max(float(t.max()) for t in warm) > WARMEST:
-        said.append("the temperature is above 200 °C: if the column is in kelvin, say so")
     return said
 
 

@@ -21,7 +21,7 @@ from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.derive import default_bandwidth
 from flexspline.logs.local_fit import LocalFit
-from flexspline.logs.log import SHORTEST, Log, beyond
+from flexspline.logs.log import SHORTEST, TEMPERATURES, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, at_rest, median_step, repeats, runs, true_ranges
 from flexspline.logs.spikes import CONVERTED, SPIKED, spikes
@@ -31,6 +31,9 @@ DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
 
 DROPPED = "dropped_samples"
+
+WARMEST, ICE = 200.0, 273.15
+"""°C of no joint, whose grease burns, and colder than any in kelvin; and K of melting ice."""
 
 LEFT_OUT = re.compile(
     r"(drop_(?:invalid|duplicates|repeated|clipped|spikes)): .*?dropped: (\d+)(?:;|$)"
@@ -148,6 +151,25 @@ def impossible(log: Log) -> Iterator[Finding]:
             f"time goes by steps of {step:.3g} s, which no recorder has.",
             "Correct the unit of its column.",
         )
+
+
+def kelvin(log: Log) -> Iterator[Finding]:
+    """Temperatures that are none of a joint in °C, and are one in kelvin."""
+    for channel in (name for name in TEMPERATURES if name in log):
+        known = log[channel][np.isfinite(log[channel])]
+        middle = float(np.median(known)) if known.size else 0.0
+        if WARMEST < middle < WARMEST + ICE:
+            yield Finding(
+                "temperature_unit",
+                "fault",
+                channel,
+                (0, len(log)),
+                middle,
+                "°C",
+                f"{channel} is {middle:.4g} °C in the median: its column is in kelvin, and this is "
+                f"{middle - ICE:.3g} °C.",
+                f"Give the column its unit, K, or take {ICE} off.",
+            )
 
 
 def time_order(log: Log) -> Iterator[Finding]:
