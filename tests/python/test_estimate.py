@@ -358,6 +358,17 @@ def test_the_temperature_of_a_parts_fit_is_a_range_too() -> None:
     assert outside.any() and np.array_equal(made.flagged(Status.EXTRAPOLATED), outside)
 
 
+def test_a_temperature_in_kelvin_is_told_in_words_beside_its_flag() -> None:
+    log = without(raw_log(500), "thermistor_voltage")
+    assert not any("kelvin" in said for said in flexspline.estimate(whole_joint(), log).warnings)
+    warm = log.with_columns({"temperature": log["temperature"] + 273.15}, note="as recorded")
+    made = flexspline.estimate(whole_joint(), warm)
+    assert made.flagged(Status.EXTRAPOLATED).all()
+    (said,) = (said for said in made.warnings if "kelvin" in said)
+    assert said.startswith(f"{warm.name}: temperature is ")
+    assert "take 273.15 off" in said and said in " ".join(str(made).split())
+
+
 def test_a_torsion_past_the_pole_is_held_flagged_and_of_the_right_sign() -> None:
     log = raw_log(500)
     for step in (0.4, -0.4):

@@ -47,6 +47,7 @@ from flexspline.estimation.plan import (
 from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.lazy import render
+from flexspline.logs.checks.samples import kelvin
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
@@ -106,7 +107,8 @@ class Estimate:
     notes : sentences on what was derived, missing, extrapolated or held.
     adapted : parameters that an adaptation learned, with their units: columns behind all others,
         each row with what was known behind it.
-    doubts : sentences on what is wrong with the model for these estimates; `warnings` has them too.
+    doubts : sentences on what makes these estimates wrong, of the model or the log; `warnings` has
+        them too.
     """
 
     name: str
@@ -602,6 +604,7 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     columns = _columns(model, plan, log, run_joint(model, plan, log, said))
     _require_something(columns, plan, log, tuple(said))
     doubts = carried_warnings(model) if "compliance" in plan.estimating else []
+    doubts += [f"{log.name}: {finding.sentence} {finding.remedy}" for finding in kelvin(log)]
     return Estimate(log.name, columns, tuple(said), adapted_units(model, plan), tuple(doubts))
 
 
