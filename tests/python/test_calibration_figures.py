@@ -18,6 +18,7 @@ from flexspline.calibration.accuracy import (
     slack_of,
 )
 from flexspline.calibration.result import CalibrationResult
+from flexspline.formatting import short
 
 LEVELS = np.array([0.0, 50.0, 100.0])
 
@@ -211,4 +212,16 @@ def test_a_line_that_does_not_hold_is_said_in_the_verdict(size: float, said: boo
     warned = [w for w in made.warnings if "the noise alone and not the bend" in w]
     assert bool(warned) is said
     assert all("times the noise of a reading" in w and "--degree 0" not in w for w in warned)
+    assert all("the characteristic is bent, and" in w for w in warned)
     assert made.drift_beside_bend or not said
+
+
+def test_a_loop_whose_middle_is_straight_is_not_called_bent() -> None:
+    """At its ends a loop has one side alone, by half of its width beside the middle."""
+    made = calibrate([bench.load_run(Bench(bend=0.0, memory=1.4, ripple=0.0))], degree=0,
+                     full_scale=FULL_SCALE)  # fmt: skip
+    (said,) = [w for w in made.warnings if "a straight line is off" in w]
+    apart = made.figure("hysteresis").torque
+    assert apart is not None and apart > 1.0
+    assert f"is a loop, whose sides are up to {short(apart)} Nm apart, and" in said
+    assert said.endswith("hold the noise alone and not the loop")

@@ -535,21 +535,25 @@ def percent_text(share: float) -> str:
 
 
 def _bend(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator[str]:
-    """A characteristic that is no straight line."""
+    """A characteristic that is no straight line: bent, or a loop whose middle may be one."""
     bend = bend_of(result)
     if bend is None:
         return
     torque, percent, at = (value or 0.0 for value in (bend[0].torque, bend[0].percent, bend[0].at))
+    apart = result.figure("hysteresis").torque or 0.0
+    form, its = "bent", "bend"
+    if torque <= 0.5 * apart:  # at the ends of a loop there is one side alone
+        form, its = f"a loop, whose sides are up to {short(apart)} Nm apart", "loop"
     how = (
         "; calibrate the runs with load alone (degree=0, --degree 0) and then the drift into that "
-        "model, so that none of the bend goes into the drift"
+        f"model, so that none of the {its} goes into the drift"
     )
     beside, several = result.drift_beside_bend, result.shape.degree > 0 and len(runs) > 1
     what = "sensitivity and zero" if beside else "sensitivity, zero and drift"
     yield (
         f"a straight line is off by up to {short(torque)} Nm, {percent_text(percent)} %FS and "
         f"{short(bend[1])} times the noise of a reading, at {short(at)} Nm: the characteristic is "
-        f"bent, and the errors of {what} hold the noise alone and not the bend"
+        f"{form}, and the errors of {what} hold the noise alone and not the {its}"
         f"{how if several and not beside else ''}"
     )
 
