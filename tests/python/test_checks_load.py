@@ -180,6 +180,25 @@ def test_a_torque_in_another_unit_than_its_load_is_told_and_repaired_as_said(
 
 
 @pytest.mark.parametrize(
+    ("factors", "told"),
+    [((1.34, 1.34), [0, 1]), ((1.34, 1.0), [0]), ((1.0, 1.34), [1]), ((1.34, 1.2), []),
+     ((1.26, 1.2, 1.34), []), ((1.2, 1.2), [])],
+)  # fmt: skip
+def test_a_gain_that_differs_between_runs_is_no_unit(
+    factors: tuple[float, ...], told: list[int]
+) -> None:
+    """One run may be recorded in lbf·ft, and the next in Nm; neither unit makes 1.2."""
+    logs = []
+    for k, factor in enumerate(factors):
+        log = beside_a_load_cell(sensor_torque=factor)
+        names = {name: log[name] for name in log.channels if name != "motor_torque"}
+        logs.append(Log(names, {**log.facts, "name": f"run{k}"}))
+    found = [[f for f in one if f.name == "load_scale"] for one in check_runs(logs)]
+    assert [k for k, own in enumerate(found) if own] == told
+    assert all("lbf·ft" in f.sentence for own in found for f in own)
+
+
+@pytest.mark.parametrize(
     ("factor", "severity"),
     [(9.81, "fault"), (0.113, "fault"), (100.0, "fault"), (1.3558, "note"), (0.7376, "note")],
 )

@@ -18,6 +18,7 @@ from flexspline.logs.checks.consistency import (
     torque,
     velocity_of_position,
     with_shared_delays,
+    without_gains,
 )
 from flexspline.logs.checks.dependence import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
@@ -147,11 +148,12 @@ def check_runs(
 ) -> list[Findings]:
     """Look for faults of each run, as `check` does, and for what runs show together.
 
-    Those are runs that are there twice, and a velocity's delay that is its recorder's in all runs.
+    Those are runs that are there twice, a velocity's delay that is its recorder's in all runs, and
+    that a sensor's unit beside its load is none where its gain differs between runs.
     What is said of a load beside the target is said of the first run alone.
     """
     made = [check(log, effects=effects, target=target, threads=threads) for log in logs]
-    made = told_once(with_shared_delays(logs, made))
+    made = told_once(without_gains(logs, with_shared_delays(logs, made)))
     for number, other in copies(logs):
         found = [*made[number], copy_finding(logs[number], logs[other])]
         made[number] = sorted_findings(logs[number].name, found, made[number].excited)

@@ -1158,6 +1158,41 @@ def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Fi
     return told
 
 
+def without_gains(logs: Sequence[Log], made: Sequence[Findings]) -> list[Findings]:
+    """Return the findings without a sensor's unit beside its load that another run contradicts.
+
+    A unit makes one factor of each run that was recorded in it, and one of all others. Where a run
+    has neither, the sensor's gain differs from run to run, and that is for a fit to tell.
+
+    Parameters
+    ----------
+    logs, made : the runs and what was found in each.
+    """
+    channel, name, told = "sensor_torque", "load_scale", list(made)
+    found = {k: f for k, of_run in enumerate(told) for f in of_run.named(name)
+             if f.channel == channel}  # fmt: skip
+    sizes = [1.0, *(finding.size for finding in found.values())]
+    others = (k for k in range(len(logs)) if found and k not in found and not told[k].errors)
+    for factor in (_sensor_factor(emptied(logs[k]), channel) for k in others):
+        slack = FACTOR_LIMIT + 2.0 * factor.error if factor is not None else np.inf
+        if factor and all(abs(np.log(abs(factor.size) / size)) > slack for size in sizes):
+            for k, finding in found.items():
+                rest = [one for one in told[k] if one is not finding]
+                told[k] = sorted_findings(told[k].log_name, rest, told[k].excited)
+            break
+    return told
+
+
+def _sensor_factor(log: Log, channel: str) -> Factor | None:
+    """What a sensor is times its load; None where the run does not tell."""
+    motion = motion_of(log) if channel in log and LOAD in log else None
+    motion_of.cache_clear()  # it would keep the log
+    if motion is None or not _both_ways(motion) or not _is_read(log, channel, motion):
+        return None
+    columns = motion_columns(log, motion)
+    return _load_factor(log, channel, motion, columns, motion.smooth(log[channel]))
+
+
 class _Delays(NamedTuple):
     """A delay of a channel: name of its finding, how a run tells it and how it is said.
 
