@@ -946,9 +946,10 @@ def _drive_delay(log: Log, channel: str) -> Delay | None:
 def _of_a_drive(log: Log, motion: Motion, columns: Array, reading: Array) -> Delay | None:
     """Return the delay of a drive that is there where presliding is over too; None without one.
 
-    It has to be there beside friction of the load and of the angle, of which it explains a part. It
-    is that of the whole run where both agree. Where they do not, friction that rises over a travel
-    is in the whole of it, and what its other rows say of most that is left of them is the delay.
+    It has to be there beside friction that grows with a load or changes with the angle, a part of
+    which a delay explains too. It is that of the whole run where both agree. Where they do not,
+    friction that rises over a travel is in the whole of it, and what its other rows say of most
+    that is left of them is the delay.
     """
     within = _torque_within(motion)
     beside = np.column_stack((_friction_of_place(log, motion, columns[:, 0]), columns))
