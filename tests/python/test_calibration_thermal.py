@@ -108,6 +108,16 @@ def test_a_thermistor_stands_in_for_the_temperature() -> None:
     assert again["drift_2"].value == made["drift_2"].value
 
 
+@pytest.mark.parametrize("hotter", [0.0, 200.0])
+def test_a_thermistor_that_reads_what_no_joint_bears_is_told(hotter: float) -> None:
+    log = bench.drift_run(QUIET)
+    volts = _core.thermistor_voltage(log["temperature"] + hotter, **DIVIDER.to_json())
+    divided = log.with_columns({"thermistor_voltage": volts}, note="divider")
+    made = calibrate(bench.without(divided, "temperature"), thermistor=DIVIDER)
+    told = [said for said in made.warnings if "thermistor reads above 200 °C" in said]
+    assert len(told) == (1 if hotter else 0)
+
+
 def test_an_open_or_unknown_thermistor_is_refused() -> None:
     log = bench.without(bench.drift_run(QUIET), "temperature")
     rng = np.random.default_rng(2)

@@ -20,6 +20,7 @@ from flexspline.estimators import Thermistor
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
+from flexspline.logs.checks.samples import WARMEST
 from flexspline.logs.log import Log, limits_of
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
@@ -204,6 +205,9 @@ def _run(
     starts[unbroken(log["time"])[:, 0]] = True
     torque = log[str(reference)] if loaded else np.zeros(len(log))
     temperature = _temperature(log, warmth, thermistor, temperature_needed)
+    hot = temperature is not None and float(temperature.max()) > WARMEST
+    if hot and warmth == "thermistor_voltage":  # a column has what `check` says of it
+        said.append(f"{log.name}: its thermistor reads above {WARMEST:g} °C: check its constants")
     return CalibrationRun(log, voltage, torque, temperature, loaded, starts), said
 
 

@@ -1186,7 +1186,7 @@ def without_gains(logs: Sequence[Log], made: Sequence[Findings]) -> list[Finding
 
 def _sensor_factor(log: Log, channel: str) -> Factor | None:
     """What a sensor is times its load; None where the run does not tell."""
-    motion = motion_of(log) if channel in log and LOAD in log else None
+    motion = motion_of(log) if LOAD in log else None
     motion_of.cache_clear()  # it would keep the log
     if motion is None or not _both_ways(motion) or not _is_read(log, channel, motion):
         return None
