@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from driven_joint import driven, strokes, waves
 from numpy.typing import NDArray
-from recorded_joint import base
+from recorded_joint import FACTS, QUANTUM, RATE, base, exact, friction
 from recorded_joint import runs as joint_runs
+from scipy.signal import lfilter, sawtooth
 from test_hidden_in_torsion import dead_zone, mesh
 from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
-from flexspline.discovery.discovering import _Recorded
 from flexspline.discovery.faults import DataFault, with_drive_on_time
 from flexspline.effects import effect
 from flexspline.logs.checks import check, check_runs
@@ -109,20 +106,34 @@ def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_spee
     assert set(made.names) == {"wave_generator_ripple", "cogging"}
 
 
-@pytest.mark.parametrize(
-    ("beside", "without", "searched"),
-    [(0.6, 0.6, False), (0.6, 0.4, True), (0.4, 0.6, True)],
-)
-def test_without_a_lag_names_are_looked_for_anew_but_where_functions_explain_more(
-    beside: float, without: float, searched: bool
-) -> None:
-    """With the lag and without: where one of both leaves an answer possible, names are sought."""
-    same = SimpleNamespace(unexplained=without)
-    made: Any = SimpleNamespace(
-        unexplained_beyond=lambda given: beside, in_runs=lambda context, plain: same
+def stepped(seed: int, lag: float) -> Log:
+    """A load of ramps and steps behind a first-order lag of the sensor, s, and noise of 0.2 Nm.
+
+    The lag follows the load of the same row, half a row sooner than that of the time between.
+    """
+    c, generator = exact(seed), np.random.default_rng([seed, 77])
+    load = 8.0 * sawtooth(2.0 * np.pi * (0.2 + 0.05 * seed) * c["time"] + seed, 0.5)
+    load += 4.0 * np.sign(np.sin(2.0 * np.pi * 0.37 * c["time"] + seed))
+    kept = np.exp(-1.0 / RATE / lag)
+    late, _ = lfilter([1.0 - kept], [1.0, -kept], load, zi=[kept * load[0]])
+    return Log.from_arrays(
+        facts={"name": f"run{seed}", **FACTS},
+        time=c["time"],
+        output_position=QUANTUM * np.round(c["output_position"] / QUANTUM),
+        reference_torque=load + generator.normal(0.0, 0.02, len(load)),
+        sensor_torque=late + friction(c) + generator.normal(0.0, 0.2, len(load)),
     )
-    runs: Any = SimpleNamespace(context=lambda free: [free], analysed=lambda free: "anew")
-    assert _Recorded.without_lag(runs, made, ()) == ("anew" if searched else same)
+
+
+def test_a_lag_whose_load_steps_is_named_though_functions_explain_more_than_its_first_order() -> (
+    None
+):
+    lag = 0.15
+    logs = [stepped(seed, lag) for seed in range(4)]
+    made = flexspline.discover(base(), logs, target="sensor_torque", known_load=LOAD)
+    assert made.names == ("sensor_lag",) and made.unexplained is None
+    lateness, half_a_row = made.parameters("sensor_lag")[0], 0.5 / RATE
+    assert lateness.value == pytest.approx(lag - half_a_row, rel=0.02)
 
 
 PLAIN = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, carried_load, contribution
 from flexspline.discovery.basis import Functions, channel_told
+from flexspline.discovery.candidates import OF_BASE
 from flexspline.discovery.confirmation import Confirmed, together
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -29,7 +30,7 @@ from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
 from flexspline.errors import listed
-from flexspline.experiment.plan import Limits
+from flexspline.experiment.plan import Limits, Plan
 from flexspline.experiment.planning import in_any_run, planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
@@ -157,7 +158,7 @@ def assembled(
     ]
     told = {*named, *(name for one in found for name in one.indistinguishable_from)}
     refused = {name: why for name, why in made.searcher.refused.items() if name not in told}
-    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
+    plan = _as_read(planned(problem, made.final, made.whitening, pairs, fit, limits))
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],
@@ -184,6 +185,17 @@ def assembled(
         dependences=made.tied,
         without_directions=_without_directions(made, steps[-1]),
     )
+
+
+def _as_read(plan: Plan | None) -> Plan | None:
+    """A plan with the effects of the base under their names."""
+    if plan is None:
+        return None
+    outlooks = tuple(
+        replace(one, names=tuple(name.replace(OF_BASE, "") for name in one.names))
+        for one in plan.outlooks
+    )
+    return replace(plan, sentence=plan.sentence.replace(OF_BASE, ""), outlooks=outlooks)
 
 
 def _without_directions(made: Analysis, rmse: float) -> float | None:

@@ -12,7 +12,7 @@ late. They stay where they are significant in the final fit and lower the held-o
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 
 from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
+from flexspline.effects import CATALOGUE, TARGETS, Effect, EffectInfo, Harmonic
 from flexspline.effects.causes import (
     BASIC_FRICTION,
     COGGING,
@@ -47,9 +47,9 @@ from flexspline.orders.parts import Pair, owner, pairs
 from flexspline.regression.candidate_model import shaped
 from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
-__all__ = ["EXCLUDED", "TAKEN", "Candidate", "SeenOrders", "candidates_for",
-           "freedoms", "held_of", "order_candidates", "possible", "scanned", "span_of", "unseen",
-           "unseen_of", "with_freedoms"]  # fmt: skip
+__all__ = ["EXCLUDED", "OF_BASE", "TAKEN", "Candidate", "OfBase", "SeenOrders", "as_given",
+           "candidates_for", "freedoms", "held_of", "of_base", "order_candidates", "possible",
+           "scanned", "span_of", "unseen", "unseen_of", "with_freedoms"]  # fmt: skip
 
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"
@@ -131,6 +131,49 @@ def _both_ways(logs: Sequence[Log]) -> bool:
     return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)
 
 
+OF_BASE = " of the base"
+
+
+class OfBase(Effect):
+    """A ripple with the orders that its user gave, which keeps its name free for more of them."""
+
+    @property
+    def info(self) -> EffectInfo:
+        return CATALOGUE[self.name.removesuffix(OF_BASE)]
+
+    def for_core(self) -> dict[str, Any]:
+        return {**super().for_core(), "name": self.info.name}
+
+    def _require_known(self) -> None:
+        """It is made of a known one."""
+
+
+def of_base(effects: Iterable[Effect], given: Collection[str]) -> list[Effect]:
+    """Return effects, ripple whose orders are `given` as one that may have more of them.
+
+    A resonance of other ripple has the orders of that.
+    """
+    return [
+        OfBase(f"{e.name}{OF_BASE}", e.shapes, e.harmonics)
+        if e.name in given and not e.info.modulated
+        else e
+        for e in effects
+    ]
+
+
+def as_given(effects: Iterable[Effect]) -> list[Effect]:
+    """Return effects as a user reads them: each once, with the orders of the base and of names."""
+    made: dict[str, Effect] = {}
+    for effect in effects:
+        name, orders = effect.info.name, effect.harmonics
+        if isinstance(effect, OfBase):
+            effect = Effect(name, effect.shapes, orders)
+        if name in made:
+            effect = made[name].with_orders([*made[name].harmonics, *orders])
+        made[name] = effect
+    return list(made.values())
+
+
 FACTS = ("pole_pairs", "slots")
 WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
 
@@ -204,7 +247,7 @@ def order_candidates(
     for name, harmonic in dict.fromkeys(wanted):
         if harmonic not in taken:
             own.setdefault(name, []).append(harmonic)
-    leading = [h for e in model if e.name in MOTOR_RIPPLES for h in e.harmonics]
+    leading = [h for e in model if e.info.name in MOTOR_RIPPLES for h in e.harmonics]
     lines = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
              if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *lines]))
@@ -317,7 +360,7 @@ def possible(
         For a name in `exclude` that is no effect, or one of the base.
     """
     names = {e.name for e in base}
-    absent = _absent(exclude, names, {e.name for e in own})
+    absent = _absent(exclude, {e.info.name for e in base}, {e.name for e in own})
     never = {FRICTION_BY_DIRECTION} if target == "sensor_torque" else {FRICTION_BY_DIRECTION, LAG}
     taken = names | never | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}

@@ -17,7 +17,17 @@ from flexspline.comparison.runs import LEAST_ROWS
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
-from flexspline.discovery.candidates import TAKEN, freedoms, held_of, unseen_of, with_freedoms
+from flexspline.discovery.candidates import (
+    OF_BASE,
+    TAKEN,
+    OfBase,
+    as_given,
+    freedoms,
+    held_of,
+    of_base,
+    unseen_of,
+    with_freedoms,
+)
 from flexspline.discovery.confirmation import Confirmed, Residuals, confirmed
 from flexspline.discovery.faults import (
     SENSOR,
@@ -241,10 +251,14 @@ def _by_regression(
         held = recorded.confirmed(recorded.analysed(free), free)
     rows = _rows(recordings, target, held.made)
     made = assembled(held, faults, tuple(inputs.values()), rows, limits)
+    final = held.made.final
+    base = {e.info.name: e.harmonics for e in final.effects if isinstance(e, OfBase)}
+    fit = recorded.as_read(final, free) if base else made.fit
     found = replace(
         made,
         base_effects=tuple(effect.name for effect in task.effects),
-        fit=replace(made.fit, bandwidth=bandwidth),
+        base_orders=base,
+        fit=replace(fit, bandwidth=bandwidth),
     )
     judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
     return replace(found, data_faults=judged)
@@ -390,6 +404,7 @@ class _Recorded:
         """
         task = self.task
         effects: Sequence[Effect] = with_orders(task.effects, task.orders)
+        given = {e.name for e in effects if e.harmonics}
         if any(e.ripple and not e.harmonics for e in effects):
             effects = fit(
                 effects, self.logs, task.target, known_load=task.known_load, lowpass=task.lowpass,
@@ -398,14 +413,26 @@ class _Recorded:
                     simulated_torque=SIMULATED if task.simulated else None,
                 ),
             ).part.effects  # fmt: skip
-        effects = with_freedoms(effects, free)
+        effects = with_freedoms(of_base(effects, given), free)
         absent = (*task.exclude, *exclude)
         context = search_context_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
         if self.blur is not None:
             both = zip(context.problem.runs, self.blur, strict=True)
             runs = tuple(replace(run, blur=blur) for run, blur in both)
             context = replace(context, problem=replace(context.problem, runs=runs))
-        return context, effects, {**task.fixed, **held_of(effects, free, context.problem)}
+        return context, effects, self._held(effects, free, context.problem)
+
+    def _held(
+        self, base: Sequence[Effect], free: Sequence[str], problem: Problem
+    ) -> dict[str, float]:
+        """What is not fitted of a base: what the user holds of it, and of its freedoms."""
+        known = {e.info.name: e.name for e in base if isinstance(e, OfBase)}
+        fixed = {
+            ".".join([known.get(owner, owner), *rest]): value
+            for name, value in self.task.fixed.items()
+            for owner, *rest in [name.split(".", 1)]
+        }
+        return {**fixed, **held_of(base, free, problem)}
 
     def look(self, free: Sequence[str]) -> FirstLook:
         return first_look(*self.context(free), self.task.say)
@@ -413,38 +440,38 @@ class _Recorded:
     def analysed(self, free: Sequence[str]) -> Analysis:
         return analysed(self.look(free), self.task.say)
 
-    def without_lag(self, made: Analysis, free: Sequence[str]) -> Analysis:
-        """The analysis beside a base that has no lag.
-
-        Where functions explain more than the lag and all names did, names are no answer and are
-        not looked for once more.
-        """
-        if made.unexplained_beyond(LAG) > 0.5:
-            same = made.in_runs(self.context(free)[0], LAG)
-            if same.unexplained > 0.5:
-                return same
-        return self.analysed(free)
-
     def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
         """The names that hold, in the model that is fitted to all rows that count."""
-        task = self.task
-        task.say("errors and validation")
-
-        def posed(work: CandidateModel) -> Posed:
-            problem, base = self.problem(work.effects), work.effects[: work.base]
-            hidden = {**unseen_of(work.named, problem), **held_powers(work)}
-            held = {**hidden, **task.fixed, **held_of(base, free, problem)}
-            springs = spring_bounds(work, task.target)
-            allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
-            return problem, work.effects, held, allowed
+        self.task.say("errors and validation")
 
         def fitted(work: CandidateModel) -> Fit:
-            return fit_near(*posed(work), task.model, general=True)
+            return fit_near(*self.posed(work, free), self.task.model, general=True)
 
         def left_by(work: CandidateModel) -> Residuals:
-            return held_out_near(*posed(work))
+            return held_out_near(*self.posed(work, free))
 
-        return confirmed(made, fitted, left_by, [effect.name for effect in task.effects])
+        given = [name for e in self.task.effects for name in (e.name, f"{e.name}{OF_BASE}")]
+        return confirmed(made, fitted, left_by, given)
+
+    def posed(self, work: CandidateModel, free: Sequence[str]) -> Posed:
+        """The fit of a model; `free`: what its base was given."""
+        fixed, problem, base = (
+            self.task.fixed,
+            self.problem(work.effects),
+            work.effects[: work.base],
+        )
+        hidden = {**unseen_of(work.named, problem), **held_powers(work)}
+        held = {**hidden, **self._held(base, free, problem)}
+        springs = spring_bounds(work, self.task.target)
+        allowed = {name: limits for name, limits in springs.items() if name not in fixed}
+        return problem, work.effects, held, allowed
+
+    def as_read(self, work: CandidateModel, free: Sequence[str]) -> Fit:
+        """The fit of a model, in which each effect stands once, with all of its orders."""
+        _, _, held, allowed = self.posed(work, free)
+        held = {name.replace(OF_BASE, ""): value for name, value in held.items()}
+        effects, into = as_given(work.effects), self.task.model
+        return fit_near(self.problem(effects), effects, held, allowed, into, general=True)
 
 
 def _all_of(
@@ -480,7 +507,7 @@ def _on_one_clock(
     rest = lead_of(made)
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, as_read
-        made = recorded.without_lag(made, others)
+        made = recorded.analysed(others)
     elif rest.significant and (late.bears_out(delay + rest.seconds) or _all_by_a_lag(made)):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)

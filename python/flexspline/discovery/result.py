@@ -27,10 +27,12 @@ from flexspline.discovery.analysis import VARIES, Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
+from flexspline.effects import Effect, Harmonic
 from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.formatting import percent
 from flexspline.lazy import Rendered, render
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
@@ -260,7 +262,8 @@ class Discovery(Rendered):
     Parameters
     ----------
     target, unit : what is explained.
-    base_effects : names of the effects that were there.
+    base_effects : names of the effects that were there. `base_orders`: of ripple among them, as it
+        was given; the fit has those that were found beside these.
     found : missing effects, in the order of discovery.
     base_rmse, final_rmse : on folds that the fit never saw.
     floor : how low that could get, and what says so.
@@ -313,6 +316,7 @@ class Discovery(Rendered):
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
     dependences: tuple[Dependence, ...] = ()
     without_directions: float | None = None
+    base_orders: Mapping[str, tuple[Harmonic, ...]] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -361,9 +365,14 @@ class Discovery(Rendered):
         return (self.base_rmse**2 - self.final_rmse**2) / gap if gap > 0.0 else float("nan")
 
     def parameters(self, name: str) -> tuple[Parameter, ...]:
-        """Return the parameters of one effect, as the fit of the extended model left them."""
+        """Return the parameters of one effect, as the fit of the extended model left them.
+
+        Of a ripple of which more orders were found these orders alone.
+        """
+        given = self.base_orders.get(name, ()) if name in self.names else ()
+        known = {*coefficient_names([Effect(name, harmonics=given)])} if given else {*()}
         own = (p for p in self.fit.parameters if p.name.split(".")[0] == name)
-        return tuple(own)
+        return tuple(p for p in own if p.name not in known)
 
     @cached_property
     def slices(self) -> tuple[Slice, ...]:

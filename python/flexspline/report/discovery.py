@@ -204,7 +204,7 @@ def verdict(made: Discovery) -> str:
     if made.found:
         rmse = f"{' to '.join(lowered(made.base_rmse, made.final_rmse))} {made.unit}"
         both = f" Besides, {sided}; both errors are with that in the model." if sided else ""
-        return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}.{both}"
+        return f"{base} {_names_told(made)}: RMSE {rmse} {where}, {_floor_words(made)}.{both}"
     what, more = _nothing_named(made, said, " else" if sided else "")
     rmse = f"{padded(made.base_rmse)} {made.unit} {where}{more}"
     if not sided or without is None:
@@ -245,14 +245,17 @@ def _sided(made: Discovery) -> str:
     return f"friction differs between directions ({listed(told)}, below)"
 
 
-def _names_told(found: Sequence[Found]) -> str:
+def _names_told(made: Discovery) -> str:
     """Return what is missing; a name that is more likely wrong than right may be missing.
 
     What closes most comes first, sure or not, and with what explains the runs as well.
     """
-    sure = [_or_alias(one) for one in found if _likely(one)]
+    found = made.found
+    sure = [_or_alias(made, one) for one in found if _likely(one)]
     unsure = [
-        f"{_or_alias(one)} at {100.0 * one.confidence:.0f} %" for one in found if not _likely(one)
+        f"{_or_alias(made, one)} at {100.0 * one.confidence:.0f} %"
+        for one in found
+        if not _likely(one)
     ]
     verbs = [("lacks", sure), ("may lack", unsure)]
     if not _likely(max(found, key=lambda one: one.share_of_gap)):
@@ -266,9 +269,11 @@ def _likely(one: Found) -> bool:
     return one.confidence > LIKELY or (one.confidence == LIKELY and bool(one.aliases))
 
 
-def _or_alias(one: Found) -> str:
+def _or_alias(made: Discovery, one: Found) -> str:
     """A name, and the one that explains the runs as well; of several the list below tells."""
-    return f"{one.effect} (or {one.aliases[0]})" if len(one.aliases) == 1 else one.effect
+    more = ["more orders"] if one.effect in made.base_orders else []
+    alias = [f"or {one.aliases[0]}"] if len(one.aliases) == 1 else []
+    return f"{one.effect} ({', '.join(more + alias)})" if more or alias else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
@@ -612,7 +617,8 @@ def headlines(made: Discovery) -> list[tuple[str, str]]:
 
 def effect_lines(made: Discovery, one: Found) -> list[ParameterLine]:
     """Return a line for each parameter of one named effect, ripple as amplitude and phase."""
-    return [line for line in parameter_lines(made.fit) if line.effect == one.effect]
+    own = {parameter.name for parameter in made.parameters(one.effect)}
+    return [line for line in parameter_lines(made.fit, own) if line.effect == one.effect]
 
 
 def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
@@ -648,7 +654,8 @@ def discovery_call(made: Discovery) -> str:
         lines.append(f"lowpass={made.fit.lowpass!r}")
     lines += bandwidth_given(made.fit.bandwidth)
     base = [e for e in made.fit.part.effects if e.name in made.base_effects and e.harmonics]
-    orders = {effect.name: orders_given(effect) for effect in base}
+    given = [e.with_orders(made.base_orders.get(e.name, e.harmonics)) for e in base]
+    orders = {effect.name: orders_given(effect) for effect in given}
     if orders:
         lines.append(f"orders={orders!r}")
     fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}

@@ -369,11 +369,16 @@ class KnownGroup:
     known: tuple[tuple[str, str], ...]
 
 
-def parameter_lines(fit: Fit) -> list[ParameterLine]:
-    """Return a line for each parameter, then one for each order of ripple and derived quantity."""
+def parameter_lines(fit: Fit, of: Collection[str] | None = None) -> list[ParameterLine]:
+    """Return a line for each parameter, then one for each order of ripple and derived quantity.
+
+    `of`: names of parameters, for these alone.
+    """
+    asked = {p.name for p in fit.parameters} if of is None else {*of}
     ripple = ripple_orders(fit)
     orders = {name for order in ripple for name in order.names}
-    lines = [_parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
+    lines = [_parameter_line(fit, p) for p in fit.parameters if p.name in asked - orders]
+    ripple = [order for order in ripple if asked.issuperset(order.names)]
     for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
         for number, order in enumerate(members):
             lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
