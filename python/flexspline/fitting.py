@@ -349,14 +349,20 @@ def held_out_near(
     effects: Sequence[Effect],
     fixed: Mapping[str, float],
     bounds: Mapping[str, Bounds],
+    like: Fit | None = None,
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return what `fit_near` leaves of rows held out, (N,) of each run, by plain least squares.
+    """Return what `fit_near` leaves of rows held out, (N,) of each run.
 
-    NaN on rows that do not count. Arguments and errors are those of `fit_near`.
+    NaN on rows that do not count. `like`: a fit of another model to the same runs; where that is
+    by generalised least squares, so is this, in its noise. Other arguments and errors are those of
+    `fit_near`.
     """
+    from flexspline.least_squares.estimate import newton
     from flexspline.least_squares.validation import cross_validate
 
     _, made = _solved_near(problem, effects, fixed, bounds)
+    if like is not None and like.generalised and like.solved is not None:
+        made = newton(replace(made, denominator=like.solved.denominator)) or made
     return cross_validate(made).residuals
 
 

@@ -298,7 +298,7 @@ def confirmed(
     refused: dict[str, str] = {}
     made = Made([*each], ["offset", *idle], refused)
 
-    def left_by(effect: Any) -> tuple[np.ndarray, ...]:
+    def left_by(effect: Any, like: Any) -> tuple[np.ndarray, ...]:
         return (np.array([beside]),)
 
     found = confirmation.confirmed(made, fit, left_by, ["offset"])  # type: ignore[arg-type]
@@ -516,7 +516,8 @@ def test_of_a_step_whose_load_does_not_settle_the_search_tells_the_error() -> No
     held_out = np.array([1.0, -1.0, np.nan])
     fit: Any = SimpleNamespace(runs=[SimpleNamespace(held_out=held_out)], cv_rmse=1.0)
 
-    def left_by(work: Any) -> tuple[NDArray[np.float64], ...]:
+    def left_by(work: Any, like: Any) -> tuple[NDArray[np.float64], ...]:
+        assert like is fit
         if work == "one":
             raise UnsettledError("the load does not settle")
         return (np.array([sizes[work], np.nan, -sizes[work]]),)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+from scipy.signal import lfilter
 
 import flexspline
 from flexspline.effects import Effect
@@ -47,6 +48,26 @@ def test_a_fit_from_shapes_near_by_is_that_of_the_whole_search() -> None:
     for one, other in zip(near.parameters, whole.parameters, strict=True):
         assert abs(one.value - other.value) < 0.01 * other.standard_error, one.name
         assert one.standard_error == pytest.approx(other.standard_error, rel=1e-3)
+
+
+def test_rows_held_out_are_weighed_as_by_the_fit_that_they_are_compared_with() -> None:
+    runs, generator = list[Log](), np.random.default_rng(5)
+    for log in logs():
+        slow = lfilter([0.1], [1.0, -0.97], generator.normal(0.0, 1.0, len(log)))
+        runs.append(log.with_columns({TARGET: log[TARGET] + slow}, note="slow noise"))
+    effects = tuple(flexspline.effect(name) for name in NAMES)
+    problem = posed(effects, runs)
+    general = fit_near(problem, effects, {}, {}, None, general=True)
+    plain = fit_near(problem, effects, {}, {}, None)
+    assert general.generalised and not plain.generalised
+    for like, whole in ((general, general), (plain, plain), (None, plain)):
+        left = held_out_near(problem, effects, {}, {}, like)
+        for own, run in zip(left, whole.runs, strict=True):
+            np.testing.assert_allclose(own, run.held_out, rtol=1e-9, atol=1e-12)
+    apart = [
+        one.held_out - other.held_out for one, other in zip(general.runs, plain.runs, strict=True)
+    ]
+    assert np.nanmax(np.abs(apart)) > 1e-3
 
 
 def test_a_fit_from_shapes_near_by_of_fewer_rows_than_its_numbers_need_is_refused() -> None:

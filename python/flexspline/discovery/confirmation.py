@@ -59,6 +59,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Residuals", "Shown", "confirmed", "signific
 
 Array = NDArray[np.float64]
 Residuals = tuple[Array, ...]
+LeftBy = Callable[[CandidateModel, Fit], Residuals]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 SMALL, UNSEEN = "too small to matter", "too small to be seen held out"
@@ -126,7 +127,7 @@ class Steps:
     """What `fit` leaves of rows held out, as one name joins after the other.
 
     The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
-    model to the same runs. `before`, `after`: of the base and of all names, (N,) of each run.
+    model to the same runs, all in the noise of the last where that is generalised least squares. `before`, `after`: of the base and of all names, (N,) of each run.
     `rmse`: of each model from the base on, in the target's unit. Of one whose load does not settle
     in a fit they are the search's.
     """
@@ -156,14 +157,15 @@ class Confirmed:
 def confirmed(
     made: Analysis,
     fitted: Callable[[CandidateModel], Fit],
-    left_by: Callable[[CandidateModel], Residuals],
+    left_by: LeftBy,
     base: Sequence[str],
 ) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters
     ----------
-    fitted, left_by : make the fit of a model, and what fits of it leave of rows held out.
+    fitted, left_by : make the fit of a model, and what fits of it leave of rows held out, in the
+        noise of another fit.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
@@ -191,7 +193,7 @@ def confirmed(
                 steps = _steps(made, fit, left_by)
                 rising = _rising([*shown.values()], steps.rmse)
                 if rising is None:
-                    seen = _also_seen(made, small, steps.rmse[-1], left_by)
+                    seen = _also_seen(made, fit, small, steps.rmse[-1], left_by)
                     return Confirmed(made, fit, steps, shown, seen, rivals, sure)
                 name, why = rising.effect.name, NOT_LOWER
         if why == SMALL:
@@ -316,35 +318,30 @@ def _rising(shown: Sequence[Shown], errors: Sequence[float]) -> Shown | None:
     return max(raised, key=lambda one: one.p, default=None)
 
 
-def _steps(made: Analysis, fit: Fit, left_by: Callable[[CandidateModel], Residuals]) -> Steps:
-    before = _left(made, made.base, left_by)
+def _steps(made: Analysis, fit: Fit, left_by: LeftBy) -> Steps:
+    before = _left(made, fit, made.base, left_by)
     if not made.final.named:
         return Steps(before, before, [rmse_of(before)])
-    between = [rmse_of(_left(made, work, left_by)) for work in made.nested[1:-1]]
+    between = [rmse_of(_left(made, fit, work, left_by)) for work in made.nested[1:-1]]
     after = tuple(run.held_out for run in fit.runs)
     return Steps(before, after, [rmse_of(before), *between, fit.cv_rmse])
 
 
-def _left(
-    made: Analysis, work: CandidateModel, left_by: Callable[[CandidateModel], Residuals]
-) -> Residuals:
+def _left(made: Analysis, fit: Fit, work: CandidateModel, left_by: LeftBy) -> Residuals:
     try:
-        return left_by(work)
+        return left_by(work, fit)
     except UnsettledError:
         return made.left_by(work).residuals
 
 
 def _also_seen(
-    made: Analysis,
-    small: Sequence[Shown],
-    without: float,
-    left_by: Callable[[CandidateModel], Residuals],
+    made: Analysis, fit: Fit, small: Sequence[Shown], without: float, left_by: LeftBy
 ) -> tuple[AlsoSeen, ...]:
     """Those of the small effects that lower the error held out beside the names, if by little."""
     found = []
     for one in small:
         beside, _ = made.searcher.fitted(made.final.with_effects(one.effect))
-        error = rmse_of(_left(made, beside, left_by))
+        error = rmse_of(_left(made, fit, beside, left_by))
         if error < without:
             share = float(np.clip(one.share, -1.0, 1.0))
             found.append(AlsoSeen(one.effect.name, without, error, one.t, share))

@@ -447,8 +447,8 @@ class _Recorded:
         def fitted(work: CandidateModel) -> Fit:
             return fit_near(*self.posed(work, free), self.task.model, general=True)
 
-        def left_by(work: CandidateModel) -> Residuals:
-            return held_out_near(*self.posed(work, free))
+        def left_by(work: CandidateModel, like: Fit) -> Residuals:
+            return held_out_near(*self.posed(work, free), like)
 
         given = [name for e in self.task.effects for name in (e.name, f"{e.name}{OF_BASE}")]
         return confirmed(made, fitted, left_by, given)
