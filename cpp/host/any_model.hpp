@@ -34,11 +34,13 @@ class AnyModel {
       for (std::size_t k = 0; k < reads_.size(); ++k) {
         reads_[k] |= reads_any(effect, static_cast<Channel>(k));
       }
+      follows_load |= follows(effect);
     }
   }
 
   Gear<double> gear;
   bool remembers;
+  bool follows_load = false;
 
   template <Channel channel>
   bool reads() const noexcept {
@@ -129,6 +131,14 @@ class AnyModel {
     }
   }
 
+  double by_load(const Sample<double>& at) const noexcept {
+    double total = 0.0;
+    for (const Part& part : parts_) {
+      if (follows(part.effect)) total += torque_of(part, at, nullptr);
+    }
+    return total;
+  }
+
   double carried(const Sample<double>& at) const noexcept {
     double total = 0.0;
     for (const Part& part : parts_) {
@@ -143,6 +153,11 @@ class AnyModel {
     std::vector<double> coefficients;
     std::vector<double> ahead;  ///< Nm, of the rows of a block
   };
+
+  static bool follows(const AnyEffect& any) {
+    const auto remembered = []<typename Effect>(const Effect&) { return Remembers<Effect>; };
+    return reads_any(any, Channel::load) && !std::visit(remembered, any);
+  }
 
   static bool reads_only(const AnyEffect& any, const Known& known) {
     return std::visit(

@@ -8,6 +8,7 @@
 #include "flexspline/effects/inertia.hpp"
 #include "flexspline/effects/load_dependent_friction.hpp"
 #include "flexspline/effects/offset.hpp"
+#include "flexspline/effects/sensor_nonlinearity.hpp"
 #include "flexspline/effects/temperature_drift.hpp"
 #include "flexspline/effects/viscous_friction.hpp"
 #include "flexspline/joint.hpp"
@@ -72,15 +73,33 @@ TEST_CASE_TEMPLATE("whole turns between the encoders' zeros do not count", S, fl
   }
 }
 
-TEST_CASE_TEMPLATE("a gain error is taken off to its square", S, float, double) {
-  const auto joint = plain<S>();
-  typename Plain<S>::State state;
+TEST_CASE_TEMPLATE("a gain error of any size is taken off", S, float, double) {
+  auto joint = plain<S>();
   typename Plain<S>::Chain::Output out;
-  for (const double load : {-20.0, 0.0, 3.0, 70.0}) {
-    REQUIRE(joint.step(state, reading<S>(0.5 + 1.1 * load), out) == Status::ok);
-    CHECK(out.missed == Stage::none);
-    const double left = static_cast<double>(out.external_sensor) - load;
-    CHECK(math::absolute(left) <= 0.1 * 0.1 * math::absolute(load) * 1.001 + 1e-5);
+  for (const double gain : {-0.5, -0.2, 0.1, 0.25, 1.0}) {
+    typename Plain<S>::State state;
+    std::get<1>(joint.sensor.parts).coefficients = {S(gain)};
+    for (const double load : {-20.0, 0.0, 3.0, 70.0}) {
+      REQUIRE(joint.step(state, reading<S>(0.5 + (1.0 + gain) * load), out) == Status::ok);
+      CHECK(out.missed == Stage::none);
+      CHECK(static_cast<double>(out.external_sensor) ==
+            doctest::Approx(load).epsilon(sizeof(S) == 4 ? 1e-5 : 1e-12).scale(1.0));
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("a bend of a fifth of the load is taken off to two thousandths", S, float,
+                   double) {
+  using Bent = Joint<S, Model<S, SensorNonlinearity<S>>, Model<S>, Model<S>, Model<S>>;
+  Bent joint{};
+  joint.sensing.sensor = true;
+  joint.estimating.sensor = true;
+  std::get<0>(joint.sensor.parts).coefficients = {S(0.002), S(0)};
+  typename Bent::State state;
+  typename Bent::Chain::Output out;
+  for (const double load : {-100.0, -10.0, 1.0, 50.0, 100.0}) {
+    REQUIRE(joint.step(state, reading<S>(load + 0.002 * load * load), out) == Status::ok);
+    CHECK(static_cast<double>(out.external_sensor) == doctest::Approx(load).epsilon(2e-3));
   }
 }
 

@@ -60,6 +60,9 @@ constexpr T& state_of(Slot<I, T>& slot) noexcept {
 ///   reads<channel>() whether any effect reads it
 ///   remembers        whether any effect has a memory, `State`
 ///   carried(at)      what its own effects add to the known load
+///   follows_load, by_load(at)
+///                    whether any effect without memory reads the load; the sum of these alone, in
+///                    a sample that is prepared
 ///   sum(at, state)   Σ row_i(sample) · coefficients_i, in the order of the list
 ///   first_row<N>(at), first_coefficients<N>()
 ///                    N numbers from the first effect on; 0 behind the last, and in the rows of
@@ -196,6 +199,9 @@ template <typename S, typename... Effects>
 struct Model {
   using State = States<Effects...>;
   static constexpr bool remembers = (Remembers<Effects> || ...);
+  template <typename Effect>
+  static constexpr bool follows = !Remembers<Effect> && flexspline::reads<Effect>(Channel::load);
+  static constexpr bool follows_load = (follows<Effects> || ...);
   static_assert((PhysicalEffect<Effects, S> && ...));
 
   Gear<S> gear;
@@ -271,6 +277,15 @@ struct Model {
       first += coefficients.size();
     };
     std::apply([&](auto&... part) { (take(part.coefficients), ...); }, parts);
+  }
+
+  constexpr S by_load(const Sample<S>& at) const noexcept {
+    S total = S(0);
+    const auto add = [&]<typename Effect>(const Part<S, Effect>& part) {
+      if constexpr (follows<Effect>) total += part.torque(at);
+    };
+    std::apply([&](const auto&... part) { (add(part), ...); }, parts);
+    return total;
   }
 
   /// What the model's own effects add to the known load.
