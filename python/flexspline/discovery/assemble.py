@@ -18,6 +18,7 @@ from flexspline.discovery.result import (
     BY_FUNCTIONS,
     BY_NAMES,
     BY_PLACE,
+    BY_RUN,
     Discovery,
     Found,
     NoiseFloor,
@@ -26,7 +27,7 @@ from flexspline.discovery.result import (
 )
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
-from flexspline.discovery.unexplained import repeated
+from flexspline.discovery.unexplained import differing, repeated
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
 from flexspline.errors import listed
@@ -138,10 +139,9 @@ def assembled(
     made, fit, problem = held.made, held.fit, held.made.context.problem
     steps = held.steps.rmse
     own = rmse_error(held.steps.after, problem.block_rows)
-    unexplained, floor = (
-        _unexplained(made, steps, own)
-        or _again(made, steps, own)
-        or (None, NoiseFloor(steps[-1], own, BY_NAMES))
+    unexplained, floor = _left_over(made, steps, own) or (
+        None,
+        NoiseFloor(steps[-1], own, BY_NAMES),
     )
     groups, named = together(steps), [e.name for e in made.final.named]
     found = [
@@ -231,6 +231,15 @@ def _runs(made: Analysis, before: Sequence[Array], after: Sequence[Array]) -> tu
     )
 
 
+def _left_over(
+    made: Analysis, steps: list[float], own: float
+) -> tuple[Unexplained, NoiseFloor] | None:
+    """What is unexplained, by what tells most of it."""
+    found = [_unexplained(made, steps, own), _by_run(made, steps, own)]
+    best = min((one for one in found if one), key=lambda one: one[1].rmse, default=None)
+    return best or _again(made, steps, own)
+
+
 def _unexplained(
     made: Analysis, steps: list[float], own: float
 ) -> tuple[Unexplained, NoiseFloor] | None:
@@ -250,6 +259,21 @@ def _unexplained(
         return told, NoiseFloor(steps[-1], own, BY_NAMES)
     error = scale * rmse_error(beside.residuals, problem.block_rows)
     return told, NoiseFloor(min(floor, *steps), error, BY_FUNCTIONS)
+
+
+def _by_run(
+    made: Analysis, steps: list[float], own: float
+) -> tuple[Unexplained, NoiseFloor] | None:
+    """Which effects differ between the runs, if they do; and the floor with sizes of each run."""
+    problem = made.context.problem
+    found = differing(problem, made.final) if len(problem.runs) > 1 else None
+    if found is None:
+        return None
+    left = 1.0 - found.share
+    fall = found.share * steps[-1] ** 2
+    share = fall / max(steps[0] ** 2 - steps[-1] ** 2 + fall, TINY)
+    floor = NoiseFloor(float(np.sqrt(left)) * steps[-1], float(np.sqrt(left)) * own, BY_RUN)
+    return Unexplained(float(min(share, 1.0)), ("run",), found.effects), floor
 
 
 def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained, NoiseFloor] | None:

@@ -234,10 +234,12 @@ class NoiseFloor:
     by: str
 
 
-BY_FUNCTIONS, BY_PLACE, BY_NAMES, BY_ENCODER = "functions", "place", "names", "encoder"
+BY_FUNCTIONS, BY_PLACE, BY_RUN = "functions", "place", "run"
+BY_NAMES, BY_ENCODER = "names", "encoder"
 BOUNDS = {
     BY_FUNCTIONS: "what is left beside functions of the channels",
     BY_PLACE: "what is left beside what comes again at the same place in other folds",
+    BY_RUN: "what is left with sizes of each run's own",
     BY_NAMES: "what is left: neither functions of the channels nor places lower it held out",
     BY_ENCODER: "what the encoder resolves",
 }
@@ -249,10 +251,12 @@ class Unexplained:
     """Structure that no effect explains: its share of the first gap's square above the floor.
 
     The squares are those of whitened residuals: slow noise does not hide what is left.
+    `depends_on`: channels, or "run" where effects of the model differ between the runs: `differs`.
     """
 
     share_of_variance: float
     depends_on: tuple[str, ...]
+    differs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from flexspline.discovery.basis import (
     DIRECTION,
@@ -41,15 +41,18 @@ from flexspline.regression.gram import (
     Columns,
     Table,
     Whitening,
+    edges_of,
     fold_blocks,
     gain_of,
+    left_by,
     rows_of,
     solved,
+    tabulated,
     thinned,
 )
 
-__all__ = ["ExplainableBound", "Leftover", "kept", "leftover_in", "leftover_of", "looked_at",
-           "repeated"]  # fmt: skip
+__all__ = ["ExplainableBound", "Leftover", "differing", "kept", "leftover_in", "leftover_of",
+           "looked_at", "repeated"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -318,6 +321,61 @@ def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> fl
     squares = float(beta @ beside[np.ix_(mine, mine)] @ beta)
     scale = float(np.clip(along / max(squares, TINY), 0.0, 1.0))
     return (2.0 * scale * along - scale**2 * squares) / max(gain, TINY)
+
+
+@dataclass(frozen=True)
+class Differing:
+    """Effects of a model that have no one size for all runs, such as gravity of other payloads.
+
+    `share`: of the squares that the model leaves, what sizes of each run's own take away.
+    """
+
+    effects: tuple[str, ...]
+    share: float
+
+
+def differing(problem: Problem, work: CandidateModel) -> Differing | None:
+    """Return which effects of a model differ between runs, where that is most of what it leaves.
+
+    The second effect and those behind it as well only where they take a tenth of that more. Blocks,
+    longer than the memory of the noise, are independent: beside them it has to be more than the
+    best of all effects reaches by chance (F).
+    """
+    products = _by_runs(problem, work)
+    whole = float(left_by(products.sum(axis=0), np.arange(products.shape[1] - 1))[-1, -1])
+    owners, chosen, share = np.array(work.owners()[: len(work.free)]), list[str](), 0.0
+    names = list(dict.fromkeys(owners.tolist()))
+    while len(chosen) < min(SETTINGS.tried, len(names)):
+        gains = {n: _of_each_run(products, np.isin(owners, [*chosen, n])) / max(whole, TINY)
+                 for n in names if n not in chosen}  # fmt: skip
+        best = max(gains, key=gains.__getitem__)
+        if gains[best] - share < (SETTINGS.little if chosen else 0.5):
+            break
+        chosen, share = [*chosen, best], min(gains[best], 1.0)
+    more = np.count_nonzero(np.isin(owners, chosen)) * (len(products) - 1)
+    rest = rows_of(problem) // problem.block_rows - len(owners) - more
+    if not more or rest < 1:
+        return None
+    ratio = share / more * rest / max(1.0 - share, TINY)
+    told = f.sf(ratio, more, rest) < SETTINGS.alpha / len(names)
+    return Differing(tuple(chosen), share) if told else None
+
+
+def _by_runs(problem: Problem, work: CandidateModel) -> Array:
+    """Products of [free coefficients' columns, target] of each run, (R, F + 1, F + 1)."""
+    plain = Whitening(np.ones(1), 1.0, problem.decimation)
+    table = tabulated(problem, work.assembly(bends=False), plain)
+    counts = [len(edges_of(problem, number)) - 1 for number in range(len(problem.runs))]
+    firsts = np.cumsum([0, *counts[:-1]])
+    return np.add.reduceat(table.folds, firsts, axis=0)
+
+
+def _of_each_run(products: Array, own: NDArray[np.bool_]) -> float:
+    """Squares that some columns explain with coefficients of each run, beyond common ones."""
+    every, other = np.arange(len(own)), np.arange(np.count_nonzero(~own))
+    common = left_by(products.sum(axis=0), every)[-1, -1]
+    left = sum(left_by(one, np.flatnonzero(own)) for one in products)
+    return float(common - left_by(np.asarray(left), other)[-1, -1])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexspline.comparison.result import sentences as gap_sentences
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
-from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES
+from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES, BY_RUN
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
@@ -220,7 +220,10 @@ def _nothing_named(made: Discovery, said: str, other: str) -> tuple[str, str]:
 
     `other`: " else" where something is said beside it.
     """
-    little = _unexplained_is_small(made)
+    little, floor = _unexplained_is_small(made), f", {_floor_words(made)}"
+    if made.unexplained and made.unexplained.differs:
+        own = listed(made.unexplained.differs)
+        return f"{said[0].upper()}{said[1:]} needs a size of {own} for each run", floor
     if made.unexplained and not little:
         return f"No effect that is known explains what{other} {said} lacks", ""
     if made.doubted:
@@ -321,6 +324,9 @@ def floor_sentence(made: Discovery) -> str:
         )
     assert made.unexplained is not None
     by = listed(made.unexplained.depends_on)
+    if made.floor.by == BY_RUN:
+        differs = listed(made.unexplained.differs)
+        return f"Noise floor: at most {most} {made.unit}, with a size of {differs} for each run."
     told = (
         f"functions of {by} leave" if made.floor.by == BY_FUNCTIONS
         else f"rows of other {folds} at the same {by} leave"
@@ -488,6 +494,13 @@ def unexplained_sentence(made: Discovery) -> str:
     if not made.unexplained:
         return ""
     share = 100.0 * made.unexplained.share_of_variance
+    if made.unexplained.differs:
+        names = made.unexplained.differs
+        return (
+            f"Unexplained: {share:.0f} % of the gap above the noise floor. No one size of "
+            f"{listed(names)} suits all runs, as with another payload, mounting or zero in some: "
+            f"fit a size for each run (--per-run {','.join(names)}), or give runs that are alike."
+        )
     weighed = "" if made.by == "simulation" else " after prewhitening"
     what = f"{share:.0f} % of the gap above the noise floor{weighed}, depends on"
     if made.floor.by == BY_NAMES:  # nothing says how large that gap is
