@@ -5,8 +5,9 @@ Nor is every curve that a form can bend to the effect of its name. Springs of al
 the noise around a reversal; friction that fades before the direction of motion has changed is the
 width of that change said twice; one that has not faded at the largest speed is viscous. Stribeck's
 friction adds to Coulomb's; a bend by which friction falls from rest is Stribeck's. Gears wind up by
-thousandths of a radian under their rated torque: what builds up over a tenth is no presliding. And
-runs that all go one way show no change of direction.
+thousandths of a radian under their rated torque: what builds up over a tenth is no presliding. What
+a sensor reads of most of the motor's torque is the torque that the gear transmits, and no leakage.
+And runs that all go one way show no change of direction.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, traits_of
 from flexspline.effects.causes import (
     COULOMB,
+    CROSSTALK,
     LAG,
     LOAD_LOOP,
     POLYNOMIAL_FRICTION,
@@ -29,6 +31,7 @@ from flexspline.effects.causes import (
 )
 from flexspline.least_squares.options import Bounds
 from flexspline.least_squares.problem import Problem
+from flexspline.orders.parts import effective_ratio
 from flexspline.regression.candidate_model import CandidateModel
 from flexspline.regression.gram import TINY
 
@@ -83,7 +86,15 @@ def _not_its_form(work: CandidateModel, name: str, problem: Problem) -> str:
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
+    if name == CROSSTALK and np.abs(values).max() > 0.5 * _ratio(problem):
+        return "it would be most of what the gear transmits: the motor carries the load"
     return ""
+
+
+def _ratio(problem: Problem) -> float:
+    """The gear's, from motor to output; without bound where it is not stated."""
+    ratio = effective_ratio(problem.runs[0].log.facts)
+    return np.inf if ratio is None else abs(ratio)
 
 
 def _wrong_sign(work: CandidateModel, name: str, problem: Problem) -> str:

@@ -25,6 +25,7 @@ __all__ = [
     "COGGING",
     "COULOMB",
     "COULOMB_PER_DIRECTION",
+    "CROSSTALK",
     "DERIVED",
     "FRICTION_BY_DIRECTION",
     "GRAVITY",
@@ -83,6 +84,7 @@ LOAD_LOOP = _one(lambda info: info.traits.loop and info.reads == ("load",))
 LOAD_SCALES = _all(lambda info: info.traits.known_load)
 """In proportion to a known load: of a target at most one."""
 TORQUE_SCALE = _one(lambda info: info.traits.known_load and "M" in info.targets)
+CROSSTALK = _one(lambda info: info.reads == ("motor_torque",) and info.targets == "S")
 TORSION_LOOP = _one(lambda info: info.traits.loop and bool(info.paths))
 
 COULOMB, VISCOUS, STRIBECK = "coulomb_friction", "viscous_friction", "stribeck_friction"
