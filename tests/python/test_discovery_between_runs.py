@@ -58,4 +58,4 @@ def test_what_differs_between_runs_is_said_and_is_no_noise(
 
 def test_runs_that_are_alike_differ_in_nothing() -> None:
     made = flexspline.discover(BASE, runs([3.0] * 4, [0.2] * 4), target="sensor_torque")
-    assert made.names == () and made.unexplained is None
+    assert made.names == () and made.unexplained is None and made.vibrations == ()

@@ -396,8 +396,9 @@ def turning_of(compared: Compared, rows: Rows, rest: Array) -> Turning:
         values = _searched(compared, rows, rest)
         called = f"residual of {compared.what.replace('_', ' ')}"
         analysis = find_orders(
-            logs, values, false_alarm=FALSE_ALARM, unit=compared.unit, channel=called
-        )
+            logs, values, false_alarm=FALSE_ALARM, unit=compared.unit, channel=called,
+            vibrations=True,  # what stays at one frequency is no order of what turns
+        )  # fmt: skip
     except InputError as error:
         return _none(rows, str(error))
     return Turning(angle, rows.direction, analysis, "")

@@ -30,7 +30,7 @@ from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import differing, repeated
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
-from flexspline.errors import listed
+from flexspline.errors import InputError, listed
 from flexspline.experiment.plan import Limits, Plan
 from flexspline.experiment.planning import in_any_run, planned
 from flexspline.formatting import padded, percent
@@ -38,8 +38,9 @@ from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.orders import Vibration, find_orders
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
-from flexspline.regression.candidate_model import held_out, rmse_error
+from flexspline.regression.candidate_model import held_out, rmse_error, rmse_of
 from flexspline.regression.gram import TINY, by_runs, left_by
 
 __all__ = ["assembled", "where"]
@@ -184,7 +185,26 @@ def assembled(
         searched=made.searched,
         dependences=made.tied,
         without_directions=_without_directions(made, steps[-1]),
+        vibrations=_vibrations(made.part.problem, held.steps.after),
     )
+
+
+def _vibrations(problem: Problem, left: Sequence[Array]) -> tuple[Vibration, ...]:
+    """What stays at one frequency in what is left, (N,) of each run, whatever the speed.
+
+    Of each at least a tenth of the mean square; others are not worth a word.
+    """
+    looked_at = [np.full(len(values), np.nan) for values in left]
+    for values, own, run in zip(looked_at, left, problem.runs, strict=True):
+        for first, last in run.stretches:
+            values[first:last] = own[first:last]
+    logs = [run.log for run in problem.runs]
+    try:
+        found = find_orders(logs, looked_at, unit=UNITS[problem.target], vibrations=True)
+    except InputError:  # nothing moves
+        return ()
+    least = 2.0 * SETTINGS.little * rmse_of(left) ** 2
+    return tuple(one for one in found.vibrations if one.amplitude**2 > least)
 
 
 def _as_read(plan: Plan | None) -> Plan | None:

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from flexspline.experiment.plan import Plan
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.logs.checks.dependence import Dependence
+    from flexspline.orders import Vibration
     from flexspline.simulator import Simulated
 
 __all__ = ["Discovery", "Found", "Motion", "NoiseFloor", "Unexplained", "confidence", "doubt",
@@ -291,6 +292,8 @@ class Discovery(Rendered):
         were not taken. `doubted`: spurious names, of an unexplained cause.
     without_directions : `final_rmse` of a model whose friction is the same in both directions;
         None where the model has no friction by direction.
+    vibrations : at one frequency, whatever the speed, in what is left held out, where they are much
+        of it; they count as noise.
     """
 
     _kind: ClassVar = "discovery"
@@ -321,6 +324,7 @@ class Discovery(Rendered):
     dependences: tuple[Dependence, ...] = ()
     without_directions: float | None = None
     base_orders: Mapping[str, tuple[Harmonic, ...]] = field(default_factory=dict)
+    vibrations: tuple[Vibration, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -459,6 +463,10 @@ def discovery_json(made: Discovery) -> str:
         "dependences": [
             {"channel": one.channel, "of": one.of, "left": one.left, "sentence": one.sentence}
             for one in made.dependences
+        ],
+        "vibrations": [
+            {"frequency": one.frequency, "amplitude": one.amplitude, "error": one.error}
+            for one in made.vibrations
         ],
         **{name: getattr(made, name) for name in PLAIN},
     }

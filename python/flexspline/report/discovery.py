@@ -457,6 +457,7 @@ def remarks(made: Discovery) -> list[str]:
         *(f"Check before use: {sentence.rstrip('.')}." for sentence in made.warnings),
         unexplained_sentence(made),
         floor_sentence(made),
+        vibrations_sentence(made),
         withdrawn_sentence(made),
         rejected_sentence(made),
         _also_seen(made),
@@ -505,17 +506,38 @@ def unexplained_sentence(made: Discovery) -> str:
     what = f"{share:.0f} % of the gap above the noise floor{weighed}, depends on"
     if made.floor.by == BY_NAMES:  # nothing says how large that gap is
         what = f"what is left{weighed} depends on"
+    if _unexplained_is_small(made):
+        return (
+            f"Unexplained, too little to matter: less than {_small(made)} {made.unit} of the error "
+            f"depends on {listed(made.unexplained.depends_on)}, in a way that no effect of the "
+            f"catalogue is seen to have. That is {share:.0f} % of the little gap above the noise "
+            f"floor{weighed}."
+        )
     said = (
         f"Unexplained: {what} {listed(made.unexplained.depends_on)}, in a way that no effect of "
         "the catalogue is seen to have."
     )
-    if _unexplained_is_small(made):
-        said += f" Of the error itself that is less than {_small(made)} {made.unit}."
-    elif made.floor.by != BY_NAMES and weighed:
+    if made.floor.by != BY_NAMES and weighed:
         left = 1.0 - min(made.gap_closed, 1.0)
         if abs(100.0 * left - share) > APART:
             said += f" Not weighed so, {percent(left)} of the gap's mean square is left."
     return said
+
+
+def vibrations_sentence(made: Discovery) -> str:
+    """Return what stays at one frequency in what is left, "" where nothing does."""
+    told = [
+        f"{plus_minus(one.amplitude, one.error)} {made.unit} at {one.frequency:.4g} Hz"
+        for one in made.vibrations
+    ]
+    if not told:
+        return ""
+    share = sum(one.amplitude**2 for one in made.vibrations) / (2.0 * made.final_rmse**2)
+    return (
+        f"What is left vibrates, whatever the speed: {listed(told)}, {percent(min(share, 1.0))} of "
+        "its mean square. No effect of a joint does that, and it counts as noise: look at the "
+        "mains, a fan, the controller and the structure."
+    )
 
 
 def withdrawn_sentence(made: Discovery) -> str:
