@@ -49,6 +49,7 @@ from flexspline.signals import Carried, channels_for, core_channels, gear_of, ta
 from flexspline.simulator import paired, simulation_of
 
 __all__ = [
+    "ANGLES",
     "MARGIN",
     "PART_OF",
     "Model",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -203,3 +204,25 @@ def test_estimate_takes_a_least_speed_and_strict_refuses_what_is_extrapolated(
     result = call(*lines, "--strict")
     assert result.exit_code == 2 and "status" in result.stderr and not refused.exists()
     assert call(*lines).exit_code == 0
+
+
+def test_strict_refuses_rows_outside_of_the_fit_in_the_sentence_of_predict(
+    tmp_path: Path, run: Path
+) -> None:
+    """An angle in degrees gave 156 Nm from a sensor of 12 Nm, without a word."""
+    made = joint(BY_MOTOR)
+    drive = made.parts["drive"]
+    ranges = {"validity": {"output_velocity": [-6.0, 6.0]}}
+    made.with_part(replace(drive, record=ranges), {}).save(tmp_path / "model.json")
+    log = raw_log(800)
+    degrees = {name: np.degrees(log[name]) for name in ("output_position", "output_velocity")}
+    write_log(log.with_columns(degrees, note="degrees"), tmp_path / "degrees.csv")
+    out = tmp_path / "external.csv"
+    lines = ("--model", tmp_path / "model.json", tmp_path / "degrees.csv", "--out", out)
+    predicted = call("predict", *lines, "--target", "motor_torque", "--strict")
+    result = call("estimate", *lines, "--strict")
+    assert result.exit_code == predicted.exit_code == 2 and not out.exists()
+    assert result.stderr == predicted.stderr and "800 rows lie outside" in result.stderr
+    assert "800 rows lie outside" in " ".join(call("estimate", *lines).stdout.split())
+    right = ("--model", tmp_path / "model.json", run, "--out", out)
+    assert call("estimate", *right, "--strict").exit_code == 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from flexspline import Log, Model, Observer, Part, effect, estimate
+from flexspline import Differentiator, Log, Model, Observer, Part, effect, estimate
 from flexspline.collision import (
     Residual,
     calibrate_detector,
@@ -198,6 +198,58 @@ def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
     assert 100.0 < found[0][0] <= 100.0 + 2.0 * late + 0.01
     with pytest.raises(InputError, match="needs model="):
         calibrate_detector(quiet, false_alarms_per_hour=20.0)
+
+
+def test_a_rate_that_was_stated_with_a_recorded_velocity_is_doubted_with_a_derived_one():
+    """2 alarms per hour became 463 in half an hour where a log lacked the column."""
+    effects = (effect("viscous_friction"), effect("inertia"))
+    part = Part("motor_torque", effects, np.array([0.8, 0.3]))
+    model = Model({"drive": part}, {"gear_ratio": 100.0}).with_estimator(
+        Observer(20.0, "motor_torque")
+    )
+    quiet = [pushed_joint(1), pushed_joint(2)]
+    bare = [log.without(["output_velocity"], ["no velocity"]) for log in quiet]
+
+    def doubts(logs, log, model=model, **options):
+        made = calibrate_detector(logs, model=model, **{"false_alarms_per_hour": 20.0, **options})
+        whole = Model.from_json(model.with_estimator(made.collision()).to_json())
+        return estimate(whole, log).doubts
+
+    (said,) = doubts(quiet, bare[0])
+    assert "log 'run 1': the detector's thresholds were calibrated with a recorded" in said
+    assert "output_velocity, which is derived from output_position here: their 20 false" in said
+    assert (
+        said
+        in estimate(
+            model.with_estimator(
+                calibrate_detector(quiet, model=model, false_alarms_per_hour=20.0).collision()
+            ),
+            bare,
+        )[0].warnings
+    )
+    (said,) = doubts(quiet, bare[0], false_alarms_per_hour=None)
+    assert "here: they do not hold" in said
+    assert doubts(quiet, quiet[1]) == doubts(bare, bare[1]) == doubts(bare, quiet[1]) == ()
+    assert doubts([quiet[0], bare[1]], bare[0]) == ()
+    given = Residual(quiet[0]["time"], 0.05 * np.random.default_rng(0).standard_normal(30000))
+    assert doubts(given, bare[0]) == ()  # of what it was made is not known
+    own = model.with_estimator(Differentiator(20.0, ("output_velocity",)))
+    assert doubts(quiet, bare[0], own) == ()  # it derives the velocity of either
+
+
+def test_a_sensor_that_reads_no_velocity_keeps_its_rate_without_one():
+    sensor = Part("sensor_torque", (effect("offset"),), np.array([0.0]))
+    model = Model({"sensor": sensor}, {"gear_ratio": 100.0})
+    rng = np.random.default_rng(4)
+    quiet = pushed_joint(1).with_columns(
+        {"sensor_torque": 0.5 * rng.standard_normal(30000)}, note="sensor"
+    )
+    bare = quiet.without(["output_velocity"], ["no velocity"])
+    for edges, doubts in (((), 0), ((0.5,), 1)):
+        made = calibrate_detector(
+            quiet, model=model, input="sensor", false_alarms_per_hour=60.0, speed_edges=edges
+        )
+        assert len(estimate(model.with_estimator(made.collision()), bare).doubts) == doubts
 
 
 def test_a_detector_watches_the_estimate_that_it_was_calibrated_on():

@@ -471,6 +471,21 @@ def test_contacts_are_where_the_thresholds_are_passed() -> None:
     assert not flexspline.estimate(joint(), log).contacts
 
 
+def test_a_contact_that_goes_on_after_missing_rows_is_one_contact() -> None:
+    log = raw_log()
+    model = joint(Collision("sensor", (), (2.0,), (1.5,)))
+    whole = flexspline.estimate(model, log)
+    (first, last), *others = whole.contacts
+    inside = np.flatnonzero((log["time"] > first) & (log["time"] < last))
+    torque = np.array(log["sensor_torque"])
+    torque[inside[5:-5:7]] = np.nan
+    end = np.flatnonzero(log["time"] > last)[0]
+    torque[end + 3 : end + 6] = np.nan  # behind it, between rows without a contact
+    made = flexspline.estimate(model, log.with_columns({"sensor_torque": torque}, note="holes"))
+    assert np.isnan(made["contact"]).sum() == len(inside[5:-5:7]) + 3
+    assert made.contacts == ((first, last), *others)
+
+
 @pytest.mark.parametrize("known", [1.0, 0.5, 0.0])
 def test_no_contact_is_said_of_rows_in_which_it_is_decided(known: float) -> None:
     log = raw_log()
@@ -576,3 +591,82 @@ def test_slow_rows_are_left_out_of_the_errors_and_counted() -> None:
     for logs in (log, [bare]):
         with pytest.raises(InputError, match="list of logs"):
             flexspline.estimate(whole_joint(), logs, speed_above=0.3)
+
+
+# What makes the estimates wrong
+
+
+def fitted_on(key: str, **ranges: list[float]) -> Model:
+    """The whole joint, one part of which was fitted on these ranges."""
+    model = whole_joint()
+    part = model.parts[key]
+    made = replace(part, record={**part.record, "validity": ranges})
+    return model.with_part(made, {})
+
+
+@pytest.mark.parametrize(
+    ("key", "channel"),
+    [
+        ("sensor", "output_acceleration"),
+        ("sensor", "output_position"),
+        ("drive", "output_acceleration"),
+        ("drive", "output_velocity"),
+        ("torsion", "output_position"),
+    ],
+)
+def test_rows_outside_of_what_a_part_was_fitted_to_are_doubted_as_predict_says(
+    key: str, channel: str
+) -> None:
+    log = raw_log(2000)
+    model = fitted_on(key, **{channel: [-0.5, 0.5]})
+    part = model.parts[key]
+    (said,) = (s for s in model.predict(log, part.target).warnings if "lie outside" in s)
+    made = flexspline.estimate(model, log)
+    assert made.doubts == (said,) and said in made.warnings
+    assert f"of 2000 rows lie outside of what the model of {part.target}" in said
+    wide = fitted_on(key, **{channel: [-10.0, 10.0]})
+    assert not flexspline.estimate(wide, log).doubts
+
+
+def test_the_load_and_the_temperature_of_a_range_are_those_that_the_chain_found() -> None:
+    log = without(raw_log(2000), "temperature", "sensor_torque", "reference_torque")
+    model = fitted_on("sensor", known_load=[-1.0, 1.0], temperature=[25.0, 32.0])
+    loaded = replace(model.parts["sensor"], known_load="reference_torque")
+    made = flexspline.estimate(model.with_part(loaded, {}), log)
+    (said,) = made.doubts
+    torque, warm = made["external_torque_sensor"], made["temperature"]
+    outside = (np.abs(torque) > 1.1) | (warm < 24.65) | (warm > 32.35)
+    assert f"{np.count_nonzero(outside)} of 2000 rows" in said
+    assert f"known_load from {torque.min():.3g} to {torque.max():.3g} Nm" in said
+
+
+def test_a_missing_reading_a_wrapped_angle_and_an_uneven_clock_are_outside_of_no_fit() -> None:
+    log = raw_log(2000)
+    made = prepared_for(log)
+    rng = np.random.default_rng(3)
+    late = log["time"] + rng.uniform(-1e-4, 1e-4, len(log))
+    holed, wrapped = np.array(log["output_position"]), np.array(log["output_position"])
+    holed[[700, 1200, 1201, 1202, 1203]] = np.nan, np.nan, np.nan, np.nan, np.nan
+    wrapped = np.mod(wrapped + np.pi, 2.0 * np.pi) - np.pi
+    changed: tuple[dict[str, np.ndarray], ...] = (
+        {"output_position": holed},
+        {"output_position": wrapped},
+        {"time": late, "output_position": 4.0 * np.sin(late) + 0.3 * np.sin(2.7 * late)},
+    )
+    for columns in changed:
+        other = log.with_columns(columns, note="as recorded")
+        assert not flexspline.estimate(made, other).doubts
+        fast = log.with_columns(
+            columns | {"output_velocity": 3.0 * log["output_velocity"]}, note=""
+        )
+        (said,) = flexspline.estimate(made, fast).doubts
+        assert "output_velocity from" in said
+
+
+def prepared_for(log: Log) -> Model:
+    """The joint whose drive was fitted on this log, its acceleration made of the position."""
+    way = Preparation("output_acceleration", "output_position", 20.0)
+    names = ("output_acceleration", "output_velocity")
+    ranges = {name: [float(log[name].min()), float(log[name].max())] for name in names}
+    model = fitted_on("drive", **ranges)
+    return model.with_part(model.parts["drive"].preparing([way]), {})

@@ -221,7 +221,10 @@ def estimate(
     receives a file for each, named after the run's; where runs have a reference_torque a table
     says the error of each external torque beside it, by run and pooled.
 
-    --strict refuses rows outside of what the model was made for: status 1, 2 and 262144.
+    What makes the estimates wrong is said below the table: rows outside of what a part of the
+    model was fitted to, as predict says them; a velocity derived where the detector's thresholds
+    were calibrated with a recorded one. --strict refuses that, and rows outside of what the model
+    was made for: status 1, 2 and 262144.
 
     \b
     Examples:

@@ -41,6 +41,7 @@ from flexspline.collision.result import (
     Threshold,
     detection_delay,
     residuals_of,
+    shared_channels,
     smallest_detectable_torque,
     speed_bands,
     standstill_residual,
@@ -153,6 +154,7 @@ def calibrate_detector(
         watched[0].unit,
         tuple(each.name for each in watched),
         input=input if all(isinstance(each, Residual) for each in given) else source,
+        channels=shared_channels(watched),
     )
     made = replace(made, alarms=made.alarms_on(watched))
     return replace(made, warnings=tuple(_warnings(made)))

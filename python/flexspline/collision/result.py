@@ -28,6 +28,7 @@ from scipy import special
 from flexspline import _core
 from flexspline.errors import InputError, above_zero, number, shortened
 from flexspline.estimation import estimate
+from flexspline.estimators import Differentiator
 from flexspline.estimators.external_torque import MOST_BANDS, Collision
 from flexspline.logs.log import Log, unmasked
 from flexspline.logs.segments import runs, true_ranges
@@ -44,6 +45,7 @@ __all__ = [
     "detection_delay",
     "proven_rate",
     "residuals_of",
+    "shared_channels",
     "smallest_detectable_torque",
     "speed_bands",
     "standstill_residual",
@@ -64,6 +66,8 @@ class Residual:
         None: at rest.
     name : of the run.
     unit : of the values, "Nm" or "A".
+    channels : that the log had which they were estimated from, without those that the chain makes
+        itself; None where they are of no log.
 
     Raises
     ------
@@ -76,6 +80,7 @@ class Residual:
     velocity: Array | None = None
     name: str = "run"
     unit: str = "Nm"
+    channels: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         time = np.ascontiguousarray(self.time, dtype=float)
@@ -209,7 +214,18 @@ def _estimated(log: Log, model: Model | None, source: str) -> Residual:
         raise InputError(f"detector: log '{log.name}' needs model=, whose estimate is watched")
     found = estimate(model, log)[f"external_torque_{source}"]
     velocity = log.columns.get("output_velocity")
-    return Residual(log["time"], found, velocity, log.name)
+    made = model.estimators.get("differentiator")
+    own = made.channels if isinstance(made, Differentiator) else ()
+    recorded = tuple(name for name in log.channels if name not in own)
+    return Residual(log["time"], found, velocity, log.name, channels=recorded)
+
+
+def shared_channels(residuals: Sequence[Residual]) -> tuple[str, ...] | None:
+    """Return the channels that every residual's log had; None where one is of no log."""
+    known = [each.channels for each in residuals if each.channels is not None]
+    if len(known) < len(residuals):
+        return None
+    return tuple(name for name in known[0] if all(name in channels for channels in known))
 
 
 def speed_bands(speed_edges: ArrayLike) -> tuple[float, ...]:
@@ -284,6 +300,8 @@ class DetectorCalibration:
     warnings : sentences on what the thresholds rest on.
     alarms : that this detector gives on these logs, of all joints.
     input : which estimate the residuals are, as in `Collision`; None where that was not said.
+    channels : that all logs had; None for residuals that were given. Where a log lacks a velocity
+        among them, the thresholds do not hold, and `estimate` doubts it.
     """
 
     thresholds: tuple[Threshold, ...]
@@ -299,6 +317,7 @@ class DetectorCalibration:
     warnings: tuple[str, ...] = ()
     alarms: int = 0
     input: str | None = None
+    channels: tuple[str, ...] | None = None
 
     @property
     def joints(self) -> int:
@@ -352,6 +371,7 @@ class DetectorCalibration:
             "alarms": self.alarms,
             "proven_rate_per_hour": self.proven_rate,
             "runs": list(self.runs),
+            **({} if self.channels is None else {"channels": list(self.channels)}),
             "thresholds": plain_json([asdict(t) for t in self.thresholds if t.joint == joint]),
         }
         return Collision(

@@ -30,28 +30,28 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed, number
+from flexspline.estimation.doubts import doubts_of
 from flexspline.estimation.plan import (
     FORGOTTEN,
     OBSERVERS,
     READINGS,
     Plan,
     adapted_units,
-    carried_warnings,
     joint_limits,
     made_by,
     plan_of,
     readings_of,
+    reads_load,
     reads_of,
     with_stage,
 )
 from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.lazy import render
-from flexspline.logs.checks.samples import kelvin
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
-from flexspline.logs.segments import median_step, output_speed, runs
+from flexspline.logs.segments import median_step, output_speed, runs, true_ranges
 from flexspline.model import Model
 from flexspline.part import Part
 from flexspline.prediction import SIZES, OfRuns, error_sizes
@@ -107,8 +107,8 @@ class Estimate:
     notes : sentences on what was derived, missing, extrapolated or held.
     adapted : parameters that an adaptation learned, with their units: columns behind all others,
         each row with what was known behind it.
-    doubts : sentences on what makes these estimates wrong, of the model or the log; `warnings` has
-        them too.
+    doubts : sentences on what makes these estimates wrong, of the model, the log or both, such as
+        rows outside of what a part in use was fitted to; `warnings` has them too.
     """
 
     name: str
@@ -160,13 +160,17 @@ class Estimate:
 
     @property
     def contacts(self) -> tuple[tuple[float, float], ...]:
-        """(first, last) time of each contact, s; empty without a detector."""
+        """(first, last) time of each contact, s; empty without a detector.
+
+        Rows in which contact is not decided do not end one, as on a device, which stays with what
+        it decided last.
+        """
         if "contact" not in self:
             return ()
-        touched = np.concatenate(([False], self["contact"] == 1.0, [False])).astype(np.int8)
-        edges = np.flatnonzero(np.diff(touched)).reshape(-1, 2)
-        time = self["time"]
-        return tuple((float(time[first]), float(time[last - 1])) for first, last in edges)
+        decided = np.isfinite(self["contact"])
+        time = self["time"][decided]
+        contacts = true_ranges(self["contact"][decided] == 1.0)
+        return tuple((float(time[first]), float(time[last - 1])) for first, last in contacts)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table; `contact` and `status` hold whole numbers."""
@@ -601,11 +605,11 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     said: dict[str, None] = {}  # sentences, each once, in order
     plan = with_stage(plan, log, bandwidth, said)
     log = measurable(with_motor_torque(log), said, plan.preprocessing.get("reading_checks", {}))
-    columns = _columns(model, plan, log, run_joint(model, plan, log, said))
+    found = run_joint(model, plan, log, said)
+    columns = _columns(model, plan, log, found)
     _require_something(columns, plan, log, tuple(said))
-    doubts = carried_warnings(model) if "compliance" in plan.estimating else []
-    doubts += [f"{log.name}: {finding.sentence} {finding.remedy}" for finding in kelvin(log)]
-    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan), tuple(doubts))
+    doubts = doubts_of(model, plan, log, found)
+    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan), doubts)
 
 
 def _require_increasing(log: Log) -> None:
@@ -784,7 +788,7 @@ def _say_of_models(model: Model, plan: Plan, log: Log, said: Said) -> None:
         _say_of_torsion(model, plan, log, said)
     if "compliant_observer" in plan.estimating:
         _say_of_momentum(plan.link_inertia, log, "compliant observer", said)
-    if not plan.has_sensor and plan.observed is not None and _reads_load(plan.observed):
+    if not plan.has_sensor and plan.observed is not None and reads_load(plan.observed):
         how = "the compliance's of the row before: no sensor"
         if "compliance" not in plan.estimating:
             how = "it as zero: no sensor, and no estimator compliance"
@@ -826,10 +830,6 @@ def _say_of_part(model: Model, part: Part | None, log: Log, said: Said) -> None:
         said[str(error)] = None
     else:
         model.require_scales(log, part)
-
-
-def _reads_load(part: Part) -> bool:
-    return any("load" in effect.reads for effect in part.effects)
 
 
 def measurable(log: Log, said: dict[str, None], checks: Mapping[str, Any] | None = None) -> Log:

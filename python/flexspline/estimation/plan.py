@@ -72,6 +72,7 @@ __all__ = [
     "part_limits",
     "plan_of",
     "readings_of",
+    "reads_load",
     "reads_of",
     "with_derivatives",
     "with_stage",
@@ -504,6 +505,11 @@ def _say_own(
 def made_by(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the channels that a differentiator of a plan makes."""
     return DERIVED if entry["makes"] == "both" else (f"output_{entry['makes']}",)
+
+
+def reads_load(part: Part) -> bool:
+    """Whether any effect of a part reads the load."""
+    return any("load" in effect.reads for effect in part.effects)
 
 
 def part_limits(part: Part) -> dict[str, float]:

@@ -283,11 +283,15 @@ def _unexplained_is_small(made: Discovery) -> bool:
     """Whether what is unexplained lowers the error by too little to matter."""
     if made.unexplained is None or made.floor.by == BY_NAMES:  # nothing says how large it is
         return False
-    return made.final_rmse - made.noise_floor < SETTINGS.negligible * made.final_rmse
+    most = max(made.without_directions or 0.0, made.final_rmse)
+    floor, left = made.noise_floor, made.final_rmse
+    if left**2 - floor**2 < SETTINGS.bends * (most**2 - left**2):  # friction by direction is more
+        return True
+    return left - floor < SETTINGS.negligible * left
 
 
 def _small(made: Discovery) -> str:
-    return short(SETTINGS.negligible * made.final_rmse)
+    return short(max(SETTINGS.negligible * made.final_rmse, made.final_rmse - made.noise_floor))
 
 
 def _floor_words(made: Discovery) -> str:
