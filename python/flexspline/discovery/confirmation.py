@@ -127,9 +127,10 @@ class Steps:
     """What `fit` leaves of rows held out, as one name joins after the other.
 
     The search holds shapes while it leaves out folds; these are the numbers of any fit of the same
-    model to the same runs, all in the noise of the last where that is generalised least squares. `before`, `after`: of the base and of all names, (N,) of each run.
-    `rmse`: of each model from the base on, in the target's unit. Of one whose load does not settle
-    in a fit they are the search's.
+    model to the same runs, all in the noise of the last where that is generalised least squares.
+    `before`, `after`: of the base and of all names, (N,) of each run. `rmse`: of each model from
+    the base on, in the target's unit. Of one whose load does not settle in a fit they are the
+    search's.
     """
 
     before: Residuals
