@@ -21,6 +21,8 @@ Which of them has the wrong unit: a position, its velocity and the position of t
 through the stated ratio are three readings of one motion. Where two agree, the third is wrong;
 where there are two only, either may be.
 
+Where all of them are in one wrong unit they agree, and the motor turns faster than any.
+
 Torque against motion: its sign, and its delay.
 
     τ = o + c tanh(v / v_d) + b v + J q̈ + s sin q + k cos q (+ g τ_ref)
@@ -86,6 +88,11 @@ WITHIN = 0.3
 
 RATIO_LIMIT = 0.002
 """Relative deviation of the ratio that is let pass; N and N + 1 differ by more up to N = 400."""
+
+FASTEST = 2_000.0
+"""rad/s of the motor, 19 000 rpm, that no strain wave joint reaches. The smallest sizes in
+catalogues are allowed 14 000 rpm at the input, with oil. Degrees that are read as radians are 57
+times as fast: they are told where a motor turns faster than 330 rpm in truth."""
 
 TWIST = 0.005
 """rad at the output that the torsion of a gear under load may turn of itself."""
@@ -563,6 +570,71 @@ def _behind_the_gear(log: Log, motion: Motion) -> list[str]:
 def _is_late(log: Log, found: Gear) -> bool:
     least = max(TOLD * found.delay_error, 0.05 * median_step(log["time"]))
     return abs(found.delay) > least
+
+
+def too_fast(log: Log) -> Iterator[Finding]:
+    """Motors that turn faster than any joint's: the unit of angle or time, or the ratio is wrong.
+
+    All angles and velocities have to say so: what one of them contradicts is told of that pair.
+    """
+    speeds = {name: _high_speed(log, name) for pair in PAIRS.items() for name in pair[::-1]
+              if name in log}  # fmt: skip
+    ratio = log.effective_ratio or 1.0
+    motor = {name: v * (ratio if "output" in name else 1.0) for name, v in speeds.items()}
+    if not motor or min(motor.values()) <= FASTEST:
+        return
+    channel, turns = next(iter(motor.items()))
+    repairs = ", ".join(f"scale={name}:{np.pi / 180:.6g}" for name in speeds)
+    yield Finding(
+        "impossible_speed",
+        "fault",
+        channel,
+        (0, len(log)),
+        speeds[channel],
+        "rad/s",
+        f"{channel} goes at {speeds[channel]:.3g} rad/s, the motor at {turns:.3g} rad/s "
+        f"({turns * 30 / np.pi:.2g} rpm), faster than any of a strain wave joint: the angle is in "
+        "degrees, or the unit of time or the gear ratio is wrong.",
+        f"Give the right units when reading; of degrees, ask for the repairs {repairs}.",
+    )
+
+
+def _high_speed(log: Log, channel: str) -> float:
+    """Speed that a hundredth of the rows exceed [rad/s]; zero where none is known."""
+    if channel in PAIRS:
+        values = log[channel][np.isfinite(log[channel])]
+    else:
+        motion = motion_of(log, channel)
+        values = motion.velocity[motion.inside(0.0)] if motion is not None else np.zeros(0)
+    return float(np.percentile(np.abs(values), 99)) if values.size else 0.0
+
+
+def drive_beside_current(log: Log) -> Iterator[Finding]:
+    """A torque of the drive beside its current and torque constant, off by what a slip makes."""
+    constant, motion = log.facts.get("torque_constant"), motion_of(log)
+    if constant is None or motion is None or not all(_is_read(log, c, motion) for c in DRIVE):
+        return
+    torque, current = (log[channel][motion.rows] for channel in DRIVE)
+    factor = float(np.std(torque) / np.std(float(constant) * current))
+    if abs(np.corrcoef(torque, current)[0, 1]) < np.sqrt(OF_THE_LOAD):
+        return
+    slips = {1000.0: "it is in mNm, or motor_current in kA", 0.001: "motor_current is in mA"}
+    if log.effective_ratio is not None and log.effective_ratio * (1 - NEAR) > 1 + NEAR:
+        slips[log.effective_ratio] = "it is the torque at the output, not at the motor"
+    for slip, why in slips.items():
+        if abs(factor / slip - 1) <= NEAR:
+            yield Finding(
+                "torque_scale",
+                "fault",
+                "motor_torque",
+                (0, len(log)),
+                factor,
+                "",
+                f"motor_torque is {factor:.4g} times motor_current and torque_constant: {why}, or "
+                "the torque constant is stated in another unit.",
+                f"Correct the column map, or ask for the repair scale=motor_torque:{1 / slip:.6g}, "
+                f"or scale=motor_current:{slip:.6g} if that is wrong.",
+            )
 
 
 def late_alike(gears: Sequence[Gear]) -> bool:
