@@ -106,6 +106,84 @@ def test_encoders_a_small_part_of_a_row_apart_are_no_fault_however_sure_it_is(
     assert ["encoder_delay" in one.name for one in gear(encoders(rows_late))].count(True) == told
 
 
+def braked(
+    load: Callable[[Array, Array], Array], late: float = 0.0, *, behind: str = "", drive: str = ""
+) -> Log:
+    """A gear of 9000 Nm/rad that carries `load(time, velocity)`, the output's encoder late.
+
+    `behind`, `drive`: the channels of the load and of the drive's torque, if there.
+    """
+    time, rng = np.arange(8000) / 200.0, np.random.default_rng(4)
+
+    def angle(at: Array) -> Array:
+        return np.asarray(0.8 * np.sin(1.3 * at) + 0.3 * np.sin(3.1 * at + 1.0))
+
+    velocity = 1.04 * np.cos(1.3 * time) + 0.93 * np.cos(3.1 * time + 1.0)
+    carried = load(time, velocity)
+    torques = {
+        behind: carried + rng.normal(0.0, 0.02, time.size),
+        drive: (carried + 6.0 * np.tanh(velocity / 0.01) + 3.0 * velocity) / 100.0,
+    }
+    return Log.from_arrays(
+        time=time,
+        output_position=angle(time - late) + rng.normal(0.0, 3e-6, time.size),
+        motor_position=100.0 * (angle(time) + carried / 9000.0),
+        facts={"gear_ratio": 100.0, "output_spline": "flex", "torque_constant": 0.1},
+        **{channel: torque for channel, torque in torques.items() if channel},
+    )
+
+
+def brake(_: Array, velocity: Array) -> Array:
+    return 8.0 * velocity
+
+
+def braked_mass(time: Array, velocity: Array) -> Array:
+    return brake(time, velocity) + np.gradient(velocity, time)
+
+
+def winch(_: Array, velocity: Array) -> Array:
+    return np.asarray(-9.0 * np.tanh(velocity / 0.3))
+
+
+@pytest.mark.parametrize("channel", ["reference_torque", "sensor_torque"])
+@pytest.mark.parametrize("load", [brake, braked_mass])
+def test_torsion_under_a_brake_is_no_late_encoder(
+    load: Callable[[Array, Array], Array], channel: str
+) -> None:
+    (found,) = gear(braked(load, behind=channel))
+    assert (found.name, found.severity) == ("encoder_delay", "note")
+    assert found.size == pytest.approx(8.0 / 9000.0, rel=0.05)
+    assert f"of a gear of 9e+03 Nm/rad under {channel}" in found.sentence
+    assert found.remedy.startswith("Leave it as torsion")
+
+
+def test_torsion_under_a_load_that_drives_the_joint_is_no_late_encoder() -> None:
+    (found,) = gear(braked(winch, behind="reference_torque"))
+    assert found.severity == "note" and found.channel == "motor_position"
+    assert "torsion under reference_torque explains as much" in found.sentence
+
+
+@pytest.mark.parametrize("late", [0.002, -0.002])
+def test_a_late_encoder_is_told_beside_torsion_by_as_much_as_it_is_late(late: float) -> None:
+    (found,) = gear(braked(winch, late, behind="reference_torque"))
+    assert found.severity == "fault" and found.size == pytest.approx(abs(late), rel=0.02)
+    assert "more than torsion under reference_torque explains" in found.sentence
+    assert found.remedy.startswith("Ask for the repair shift=")
+
+
+@pytest.mark.parametrize("drive", ["", "motor_torque", "motor_current"])
+def test_without_a_torque_behind_the_gear_a_brake_is_not_excluded(drive: str) -> None:
+    log = braked(brake, drive=drive)
+    if drive == "motor_current":
+        log = log.with_columns({drive: log[drive] / 0.1}, note="of a torque constant")
+    (found,) = gear(log)
+    assert "or the gear twists under a brake or friction" in found.sentence
+    sure = "the gear is stiffer" if drive else "nothing at the output does so"
+    assert found.remedy.startswith(f"If {sure}, ask for the repair shift=output_position:0.000889")
+    # (8 + 3) Nm s/rad over 0.889 ms, and a part of Coulomb friction
+    assert ("only a gear softer than 1.2e+04 Nm/rad" in found.sentence) == bool(drive)
+
+
 def late_torque(noise: float, rows: int = 6000, late: float = 0.004) -> Log:
     time = np.arange(rows) / 500.0
 

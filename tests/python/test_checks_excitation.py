@@ -297,3 +297,29 @@ def test_several_runs_excite_together_what_none_does_alone_but_no_longer_run() -
         "coulomb_friction": True, "viscous_friction": True,
         "temperature_drift": False, "time_drift": False,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("ratio", [None, 100.0])
+def test_a_motor_that_turns_beside_no_encoder_of_the_output_does_not_stand_still(
+    ratio: float | None,
+) -> None:
+    columns = {"motor_position": 60.0 * np.sin(TIME), "motor_current": np.cos(TIME)}
+    facts = {} if ratio is None else {"gear_ratio": ratio, "pole_pairs": 7}
+    log = Log.from_arrays(time=TIME, facts=facts, **columns)
+    found = {one.effect: one for one in check(log).excited}
+    for name in ("wave_generator_ripple", "cogging"):
+        if ratio is None:
+            assert found[name].lack == "no gear ratio is stated"
+            assert found[name].remedy == "State gear_ratio."
+        else:
+            assert found[name].excited
+    still = {**columns, "motor_position": np.zeros(len(TIME))}
+    (at_rest,) = excited(Log.from_arrays(time=TIME, **still), ["wave_generator_ripple"], None)
+    assert at_rest.lack == "the joint stands still"
+
+
+def test_channels_to_map_are_named_once() -> None:
+    log = Log.from_arrays(time=TIME, motor_torque=np.cos(TIME), sensor_torque=np.sin(TIME))
+    lack = {one.effect: one.lack for one in excited(log, (), None)}
+    assert lack["position_dependent_friction"] == "no output_position"
+    assert lack["load_dependent_friction"] == "no output_position or output_velocity"

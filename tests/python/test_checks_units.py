@@ -264,3 +264,56 @@ def test_a_temperature_in_kelvin_is_told_and_one_in_celsius_is_not(
     assert (found.severity, found.channel, found.unit) == ("fault", channel, "°C")
     assert found.sentence.endswith(f"in kelvin, and this is {said} °C.")
     assert found.remedy == "Give the column its unit, K, or take 273.15 off."
+
+
+def turning(speed: float, **factors: float) -> Log:
+    """A joint of ratio 100 that turns at up to `speed` rad/s, its channels times these factors."""
+    time = np.arange(4_000) / 200.0
+    columns = {
+        "output_position": speed * np.sin(time),
+        "output_velocity": speed * np.cos(time),
+        "motor_position": 100.0 * speed * np.sin(time),
+        "motor_torque": 0.2 * np.tanh(np.cos(time) / 0.01) + 0.05 * np.cos(time),
+    }
+    columns["motor_current"] = columns["motor_torque"] / 0.08
+    chosen = {name: factor * columns[name] for name, factor in factors.items()}
+    facts = {"gear_ratio": 100.0, "output_spline": "flex", "torque_constant": 0.08}
+    return Log.from_arrays(time=time, facts=facts, **chosen)
+
+
+DEGREES = 180.0 / np.pi
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("output_position",),
+        ("output_velocity",),
+        ("motor_position",),
+        ("output_position", "output_velocity"),
+        ("output_position", "motor_position"),
+    ],
+)
+def test_degrees_of_all_angles_are_told_by_a_motor_faster_than_any(names: tuple[str, ...]) -> None:
+    (found,) = check(turning(1.5, **dict.fromkeys(names, DEGREES))).faults
+    assert (found.name, found.channel) == ("impossible_speed", names[0])
+    assert found.size == pytest.approx(1.5 * DEGREES * (1 if "out" in names[0] else 100), rel=0.02)
+    assert "in degrees" in found.sentence
+    assert all(f"scale={name}:0.0174533" in found.remedy for name in names)
+    assert not check(turning(15.0, **dict.fromkeys(names, 1.0))).faults  # 14 000 rpm
+
+
+def test_degrees_that_a_velocity_tells_are_told_once() -> None:
+    (found,) = check(turning(1.5, output_position=DEGREES, output_velocity=1.0)).faults
+    assert found.name == "velocity_unit"
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.001, 100.0, 1.0, 1.3])
+def test_a_torque_of_the_drive_has_the_scale_of_its_current(factor: float) -> None:
+    log = turning(1.0, output_position=1.0, motor_torque=factor, motor_current=-1.0)
+    found = check(log).named("torque_scale")
+    assert bool(found) == (factor not in (1.0, 1.3))  # of 1.3 a torque constant may be off
+    for one in found:
+        assert one.severity == "fault" and one.size == pytest.approx(factor)
+        assert f"scale=motor_torque:{1 / factor:.6g}" in one.remedy
+        assert not check(repaired(log, f"scale=motor_torque:{1 / factor}")).named("torque_scale")

@@ -13,8 +13,10 @@ from typing import Any
 from flexspline.about import __version__
 from flexspline.logs.checks.consistency import (
     Gear,
+    drive_beside_current,
     gear,
     measured_gear,
+    too_fast,
     torque,
     velocity_of_position,
     with_shared_delays,
@@ -90,8 +92,10 @@ CHECKS = (
     stuck_tail,
     drive_disabled,
     velocity_of_position,
+    too_fast,
     gear,
     torque,
+    drive_beside_current,
     quantised,
 )
 

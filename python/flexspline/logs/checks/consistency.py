@@ -12,11 +12,16 @@ Motor side against output side: ratio, sense of rotation, delay between the two 
 by least squares: R is the ratio, δ the time by which the output's encoder is late (its reading
 belongs to an earlier moment than the motor's). A gear's own angle errors are orthogonal to both
 over enough turns. h is a hysteresis of the torsion, a step between the directions; one that builds
-up gradually would be taken for a part of δ.
+up gradually would be taken for a part of δ. Torsion under a load that grows with velocity, of a
+brake with b Nm s/rad on a gear of K Nm/rad, is the same as δ = b / K. So δ counts as a delay only
+where it is there beside a torque τ behind the gear, as columns τ and τ³ of a stiffness that need
+not be linear. Where τ is hardly more than b v, or where there is none, the run does not tell which.
 
 Which of them has the wrong unit: a position, its velocity and the position of the other side
 through the stated ratio are three readings of one motion. Where two agree, the third is wrong;
 where there are two only, either may be.
+
+Where all of them are in one wrong unit they agree, and the motor turns faster than any.
 
 Torque against motion: its sign, and its delay.
 
@@ -84,6 +89,11 @@ WITHIN = 0.3
 RATIO_LIMIT = 0.002
 """Relative deviation of the ratio that is let pass; N and N + 1 differ by more up to N = 400."""
 
+FASTEST = 2_000.0
+"""rad/s of the motor, 19 000 rpm, that no strain wave joint reaches. The smallest sizes in
+catalogues are allowed 14 000 rpm at the input, with oil. Degrees that are read as radians are 57
+times as fast: they are told where a motor turns faster than 330 rpm in truth."""
+
 TWIST = 0.005
 """rad at the output that the torsion of a gear under load may turn of itself."""
 
@@ -92,6 +102,11 @@ LEAST_TRAVEL = 10 * TWIST
 ratio is judged where either encoder shows as much, for a wrong unit makes the other's small."""
 
 TOLD = 4.0  # standard errors of a delay between encoders, from which it is one
+MIXED = 0.5
+"""What is left of a torque beside its part that grows with velocity, over that part, from which
+torsion is told from a delay by the torque. A brake's sensor that reads inertia and gravity too has
+0.16 to 0.24, and twice of that is let pass; loads that do not follow velocity have 1.8 and more."""
+
 DIRECTION = 0.001
 """Half width of the change of direction, as a share of the 95 % speed."""
 
@@ -450,6 +465,31 @@ def measured_gear(log: Log) -> Gear | None:
 
     None without both positions, or where the output hardly moves.
     """
+    angles = _angles(log)
+    return None if angles is None else _gear_of(*solve_with_error(angles.design, angles.motor))
+
+
+def _gear_of(solved: Array, error: Array) -> Gear:
+    ratio = float(solved[0])
+    if ratio == 0:
+        return Gear(0.0, float(error[0]), 0.0, float("inf"))
+    return Gear(ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio)))
+
+
+class Angles(NamedTuple):
+    """The motor's angle, (N,) rad, and what makes it up: columns q, v, 1 and direction, (N, 4).
+
+    `motion` of the output; `valid`, of its rows: the N that count.
+    """
+
+    motor: Array
+    design: Array
+    motion: Motion
+    valid: NDArray[np.bool_]
+
+
+def _angles(log: Log) -> Angles | None:
+    """Both angles; None without one of them, or where the output hardly moves."""
     motion = motion_of(log)
     if motion is None or "motor_position" not in log:
         return None
@@ -461,12 +501,140 @@ def measured_gear(log: Log) -> Gear | None:
     direction = np.tanh(v / max(DIRECTION * float(np.percentile(np.abs(v), 95)), 1e-12))
     design = np.column_stack(
         (motion.position - np.mean(motion.position), v, np.ones(len(v)), direction)
-    )[valid]
-    solved, error = solve_with_error(design, motor[valid])
-    ratio = float(solved[0])
-    if ratio == 0:
-        return Gear(0.0, float(error[0]), 0.0, float("inf"))
-    return Gear(ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio)))
+    )
+    return Angles(motor[valid], design[valid], motion, valid)
+
+
+class Damping(NamedTuple):
+    """Part of a torque that grows with velocity [Nm s/rad at the output, or the channel's unit].
+
+    Its standard error, and the RMS of what position, velocity and direction leave of the torque
+    over that of this part.
+    """
+
+    size: float
+    error: float
+    other: float
+
+    @property
+    def alone(self) -> bool:
+        """Whether the torque does hardly anything else, so that its torsion is not told from it."""
+        return abs(self.size) > TOLD * self.error and self.other < MIXED
+
+
+def _damping(angles: Angles, torque: Array) -> Damping:
+    """Return how a torque, (N,), grows with velocity."""
+    solved, error = solve_with_error(angles.design, torque)
+    velocity, beside = angles.design[:, 1], np.delete(angles.design, 1, axis=1)
+    own = velocity - beside @ np.linalg.lstsq(beside, velocity, rcond=1e-12)[0]
+    size = abs(float(solved[1])) * float(np.std(own))
+    left = float(np.std(torque - angles.design @ solved))
+    return Damping(float(solved[1]), float(error[1]), left / size if size else np.inf)
+
+
+class Torsion(NamedTuple):
+    """Torsion under a torque `channel` that may be what looks like a delay between encoders.
+
+    `stiffness`: of the gear that twists by as much [Nm/rad]; zero where other parts of the torque
+    show that it twists.
+    """
+
+    channel: str
+    stiffness: float
+
+
+def _beside_torsion(log: Log, found: Gear) -> Gear | Torsion:
+    """Return what is left of a delay beside torsion, or the torsion that explains it."""
+    angles = _angles(log)
+    if angles is None:
+        return found
+    for channel in _behind_the_gear(log, angles.motion):
+        torque = angles.motion.smooth(log[channel])[angles.valid]
+        damping = _damping(angles, torque)
+        if damping.alone:
+            return Torsion(channel, abs(damping.size / found.delay))
+        bent = torque**3 / max(float(np.mean(torque**2)), np.finfo(float).tiny)
+        design = np.column_stack((angles.design, torque, bent))
+        left = _gear_of(*solve_with_error(design, angles.motor))
+        if not _is_late(log, left):
+            return Torsion(channel, 0.0)
+        found = min(found, left, key=lambda gear: gear.delay_error)
+    return found
+
+
+def _behind_the_gear(log: Log, motion: Motion) -> list[str]:
+    """Torque channels of what the gear carries: friction in front of it twists nothing."""
+    return [channel for channel in (LOAD, "sensor_torque") if _is_read(log, channel, motion)]
+
+
+def _is_late(log: Log, found: Gear) -> bool:
+    least = max(TOLD * found.delay_error, 0.05 * median_step(log["time"]))
+    return abs(found.delay) > least
+
+
+def too_fast(log: Log) -> Iterator[Finding]:
+    """Motors that turn faster than any joint's: the unit of angle or time, or the ratio is wrong.
+
+    All angles and velocities have to say so: what one of them contradicts is told of that pair.
+    """
+    speeds = {name: _high_speed(log, name) for pair in PAIRS.items() for name in pair[::-1]
+              if name in log}  # fmt: skip
+    ratio = log.effective_ratio or 1.0
+    motor = {name: v * (ratio if "output" in name else 1.0) for name, v in speeds.items()}
+    if not motor or min(motor.values()) <= FASTEST:
+        return
+    channel, turns = next(iter(motor.items()))
+    repairs = ", ".join(f"scale={name}:{np.pi / 180:.6g}" for name in speeds)
+    yield Finding(
+        "impossible_speed",
+        "fault",
+        channel,
+        (0, len(log)),
+        speeds[channel],
+        "rad/s",
+        f"{channel} goes at {speeds[channel]:.3g} rad/s, the motor at {turns:.3g} rad/s "
+        f"({turns * 30 / np.pi:.2g} rpm), faster than any of a strain wave joint: the angle is in "
+        "degrees, or the unit of time or the gear ratio is wrong.",
+        f"Give the right units when reading; of degrees, ask for the repairs {repairs}.",
+    )
+
+
+def _high_speed(log: Log, channel: str) -> float:
+    """Speed that a hundredth of the rows exceed [rad/s]; zero where none is known."""
+    if channel in PAIRS:
+        values = log[channel][np.isfinite(log[channel])]
+    else:
+        motion = motion_of(log, channel)
+        values = motion.velocity[motion.inside(0.0)] if motion is not None else np.zeros(0)
+    return float(np.percentile(np.abs(values), 99)) if values.size else 0.0
+
+
+def drive_beside_current(log: Log) -> Iterator[Finding]:
+    """A torque of the drive beside its current and torque constant, off by what a slip makes."""
+    constant, motion = log.facts.get("torque_constant"), motion_of(log)
+    if constant is None or motion is None or not all(_is_read(log, c, motion) for c in DRIVE):
+        return
+    torque, current = (log[channel][motion.rows] for channel in DRIVE)
+    factor = float(np.std(torque) / np.std(float(constant) * current))
+    if abs(np.corrcoef(torque, current)[0, 1]) < np.sqrt(OF_THE_LOAD):
+        return
+    slips = {1000.0: "it is in mNm, or motor_current in kA", 0.001: "motor_current is in mA"}
+    if log.effective_ratio is not None and log.effective_ratio * (1 - NEAR) > 1 + NEAR:
+        slips[log.effective_ratio] = "it is the torque at the output, not at the motor"
+    for slip, why in slips.items():
+        if abs(factor / slip - 1) <= NEAR:
+            yield Finding(
+                "torque_scale",
+                "fault",
+                "motor_torque",
+                (0, len(log)),
+                factor,
+                "",
+                f"motor_torque is {factor:.4g} times motor_current and torque_constant: {why}, or "
+                "the torque constant is stated in another unit.",
+                f"Correct the column map, or ask for the repair scale=motor_torque:{1 / slip:.6g}, "
+                f"or scale=motor_current:{slip:.6g} if that is wrong.",
+            )
 
 
 def late_alike(gears: Sequence[Gear]) -> bool:
@@ -502,20 +670,63 @@ def gear(log: Log) -> Iterator[Finding]:
         )
     if log.effective_ratio is None:
         yield _not_stated(log, found)
-    step = median_step(log["time"])
-    if abs(found.delay) > max(TOLD * found.delay_error, 0.05 * step):
-        which = "output_position" if found.delay > 0 else "motor_position"
-        yield Finding(
-            "encoder_delay",
-            "fault",
-            which,
-            rows,
-            abs(found.delay),
-            "s",
-            f"{which} is {_milliseconds(abs(found.delay), found.delay_error)} late against the "
-            f"other encoder: their difference grows with velocity.",
-            f"Ask for the repair shift={which}:{abs(found.delay):.3g}.",
+    if _is_late(log, found):
+        yield _late_encoder(log, found)
+
+
+def _late_encoder(log: Log, found: Gear) -> Finding:
+    """Return the finding of encoders whose difference grows with velocity."""
+    made, motion = _beside_torsion(log, found), motion_of(log)
+    torsion, found = (made, found) if isinstance(made, Torsion) else (None, made)
+    severity: Severity = "fault" if torsion is None else "note"
+    known = _behind_the_gear(log, motion) if motion is not None else []
+    which = "output_position" if found.delay > 0 else "motor_position"
+    late = f"{_milliseconds(abs(found.delay), found.delay_error)} late"
+    repair = f"ask for the repair shift={which}:{abs(found.delay):.3g}"
+    if torsion is not None:
+        gear = f" of a gear of {torsion.stiffness:.3g} Nm/rad" if torsion.stiffness else ""
+        said = (
+            f"the encoders differ as if {which} were {late}: torsion{gear} under "
+            f"{torsion.channel} explains as much."
         )
+        remedy = f"Leave it as torsion; only if runs without load show the same, {repair}."
+    elif known:
+        said = (
+            f"{which} is {late} against the other encoder: their difference grows with velocity, "
+            f"more than torsion under {' or '.join(known)} explains."
+        )
+        remedy = f"A{repair[1:]}."
+    else:
+        cause = "a brake or friction" if found.delay > 0 else "a load that drives it"
+        bound, sure = _softer_than(log, found)
+        said = (
+            f"{which} is {late} against the other encoder, or the gear twists under {cause}: "
+            f"their difference grows with velocity, as of both, and no torque at the output is in "
+            f"the log.{bound}"
+        )
+        remedy = f"If {sure}, {repair}; torsion is to be left as it is."
+    size, rows = abs(found.delay), (0, len(log))
+    return Finding("encoder_delay", severity, which, rows, size, "s", said, remedy)
+
+
+def _softer_than(log: Log, found: Gear) -> tuple[str, str]:
+    """Return of which gear the drive's torque would make a delay, and what excludes torsion."""
+    nothing = "", "nothing at the output does so"
+    angles = _angles(log)
+    if angles is None or found.delay <= 0:
+        return nothing
+    for channel in DRIVE:
+        scale = _at_the_output(log, channel)
+        if scale is not None and _is_read(log, channel, angles.motion):
+            damping = _damping(angles, angles.motion.smooth(log[channel])[angles.valid])
+            if damping.size > TOLD * damping.error:
+                size = scale * damping.size
+                return (
+                    f" {channel} grows by {size:.3g} Nm s/rad, seen from the output: only a gear "
+                    f"softer than {size / found.delay:.2g} Nm/rad twists by as much.",
+                    "the gear is stiffer",
+                )
+    return nothing
 
 
 def _turn_motor(log: Log) -> str:
@@ -760,12 +971,19 @@ def _load_factor(
     if abs(solved[at]) < SURE * error[at] or left > (1 - OF_THE_LOAD) * float(without @ without):
         return None
     factor, relative = float(solved[at]), float(error[at] / abs(solved[at]))
-    if channel == "sensor_torque":
-        return Factor(factor, relative)
-    constant = 1.0 if channel == "motor_torque" else log.facts.get("torque_constant")
-    if log.effective_ratio is None or constant is None:
+    scale = _at_the_output(log, channel)
+    if scale is None:
         return Factor(float(np.sign(factor)), 0.0)  # what its size should be is not known
-    return Factor(factor * log.effective_ratio * float(constant), relative)
+    return Factor(factor * scale, relative)
+
+
+def _at_the_output(log: Log, channel: str) -> float | None:
+    """Nm at the output per unit of a torque channel; None where that is not stated."""
+    if channel not in DRIVE:
+        return 1.0
+    constant = 1.0 if channel == "motor_torque" else log.facts.get("torque_constant")
+    ratio = log.effective_ratio
+    return None if ratio is None or constant is None else ratio * float(constant)
 
 
 def _beside_load(

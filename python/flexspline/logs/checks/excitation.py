@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from flexspline.effects import CATALOGUE, EffectInfo
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Excited, Finding
-from flexspline.logs.checks.samples import Motion, motion_of
+from flexspline.logs.checks.samples import Motion, motion_of, unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.splitting import ROWS_PER_UNKNOWN
@@ -173,7 +173,7 @@ def _excited(log: Log, info: EffectInfo, motion: Motion | None, lacks: Lacks) ->
     asked = channels_asked(info)
     missing = [channel for channel in asked if not _given(log, channel)]
     if missing:
-        return Excited(info.name, None, f"no {listed(missing)}", "Map it when reading.")
+        return Excited(info.name, None, f"no {_wanted(missing)}", "Map it when reading.")
     if DRIVE in asked and not ("motor_torque" in log or "torque_constant" in log.facts):
         return Excited(info.name, None, "no torque constant is stated", "State torque_constant.")
     if _short(log, 2):
@@ -193,18 +193,32 @@ def _given(log: Log, channel: str) -> bool:
     return any(name in log for name in channel.split(" or "))
 
 
+def _wanted(missing: Sequence[str]) -> str:
+    """Return the channels to map, without those alternatives that another of them gives too."""
+    ways = {one: set(one.split(" or ")) for one in missing}
+    least = [one for one in missing if not any(way < ways[one] for way in ways.values())]
+    return " and no ".join(least)
+
+
 def _short(log: Log, unknowns: int) -> bool:
     return len(log) < ROWS_PER_UNKNOWN * unknowns or log.duration < SHORTEST_RUN
 
 
 def _with_position(log: Log) -> Log:
-    """The log with the integral of its velocity as position, where it has no position."""
+    """The log with a position of the output, where it has none.
+
+    It is the integral of its velocity, or else what the motor's angle makes of it: a torsion is no
+    part of how a joint moves. Without a ratio the motor's angle stands for it.
+    """
     from scipy.integrate import cumulative_trapezoid
 
-    if "output_position" in log or "output_velocity" not in log:
+    if POSITION in log or not ("output_velocity" in log or MOTOR in log):
         return log
+    if "output_velocity" not in log:
+        path = unwrapped(log, MOTOR) / (log.effective_ratio or 1.0)
+        return log.with_columns({POSITION: path}, note="position of the motor's angle")
     path = cumulative_trapezoid(np.nan_to_num(log["output_velocity"]), log["time"], initial=0.0)
-    return log.with_columns({"output_position": path}, note="position integrated from velocity")
+    return log.with_columns({POSITION: path}, note="position integrated from velocity")
 
 
 def _target(log: Log, target: str) -> Iterator[Finding]:
