@@ -43,6 +43,11 @@ LEFT_OUT = re.compile(
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
 
+AT_ONCE, REGULAR, FEWEST_STEPS = 0.25, 0.8, 100
+"""Rows come at once that are less of the mean step apart; and they come in bursts where this share
+of these, of so many rows, has the same length within a row. A clock that jitters by a fifth of its
+step has 1 row of 10 000 that close."""
+
 SLOW = 0.5
 """s from row to row, from which time may be in milliseconds: what a recorder of 2 kHz writes then,
 and one of 200 Hz writes 5 s. Recorders of a joint's motion are not as slow as this."""
@@ -195,7 +200,7 @@ def time_order(log: Log) -> Iterator[Finding]:
             f"{worst:.4g} s.",
             f"Ask for the repair sort_time{other if restart else ''}.",
         )
-    if same.size:
+    if same.size and not arrival_bursts(log):
         yield Finding(
             "duplicate_time",
             "error",
@@ -206,6 +211,53 @@ def time_order(log: Log) -> Iterator[Finding]:
             f"the time of the row before is repeated in {_rows(same.size)}, first row {same[0]}.",
             "Ask for the repair drop_duplicates.",
         )
+
+
+def stamps_of_arrival(log: Log) -> Iterator[Finding]:
+    """Time stamps that several rows at once got when they arrived, over a bus or from a queue."""
+    rows = arrival_bursts(log)
+    if not rows:
+        return
+    time = log["time"]
+    step = float(np.median(time[rows:] - time[:-rows])) / rows
+    close = float(np.median(np.sort(np.diff(time))[: len(time) // 2]))
+    yield Finding(
+        "arrival_time",
+        "error",
+        "time",
+        (0, len(log)),
+        float(rows),
+        "rows",
+        f"rows come {rows} at a time, {close:.2g} s from one to the next where {step:.4g} s is the "
+        "mean: they were stamped when they arrived, and not when they were measured.",
+        "Ask for the repair even_time, which puts even stamps at the mean rate, or record the time "
+        "of measurement.",
+    )
+
+
+def arrival_bursts(log: Log) -> int:
+    """Rows that arrive at once, in the median; 0 unless nearly all rows come so.
+
+    Between such rows hardly any time goes by, and the joint goes as far as it does over the long
+    steps, by the angle or else the motor's. A recorder that does read twice at once reads the same
+    angle twice.
+    """
+    steps = np.diff(log["time"])
+    if len(steps) < FEWEST_STEPS or not np.isfinite(steps).all() or steps.min() < 0.0:
+        return 0
+    long = steps > AT_ONCE * float(np.mean(steps))
+    if not 0.0 < np.mean(long) <= 0.6:
+        return 0
+    sizes = np.diff(np.flatnonzero(long))
+    rows = int(np.median(sizes)) if sizes.size else 0
+    if rows < 2 or np.mean(np.abs(sizes - rows) <= 1) < REGULAR:
+        return 0
+    if np.mean(repeats(log)[1:][~long]) > 0.5:
+        return 0
+    ways = (np.abs(np.diff(unwrapped(log, name))) for name in POSITIONS[:2] if name in log)
+    way = next(ways, np.zeros(len(steps)))
+    even = np.nansum(way[~long]) * long.sum() >= 0.5 * np.nansum(way[long]) * (~long).sum()
+    return rows if even else 0
 
 
 def slow_clock(log: Log) -> Iterator[Finding]:
@@ -249,7 +301,7 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         return
     steps = np.diff(time)
     long = np.flatnonzero(steps > DROP_STEPS * step)
-    if long.size == 0 or long.size > JITTER_SHARE * steps.size:
+    if long.size == 0 or long.size > JITTER_SHARE * steps.size or arrival_bursts(log):
         return
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
