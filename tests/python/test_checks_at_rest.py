@@ -132,3 +132,41 @@ def test_of_a_few_rows_nothing_is_said_to_repeat(rows: int, said: int) -> None:
     angle[4:8] = angle[4]
     log = Log.from_arrays(time=time, output_position=angle, sensor_torque=angle)
     assert len([*repeated_rows(log)]) == said
+
+
+def noisy_swing(top: float, noise: float, quantum: float) -> Columns:
+    """A sensor that clips at -25 and 25 Nm behind its noise, and is quantised."""
+    rng = np.random.default_rng(4)
+    time = np.arange(8000) / RATE
+    swing = np.sin(0.9 * time) * (0.9 + 0.1 * np.sin(0.31 * time))
+    torque = np.clip(top * swing, -25.0, 25.0) + noise * rng.standard_normal(len(time))
+    measured = np.clip(coarse(torque, quantum), -25.0, 25.0)
+    return {"time": time, "output_position": 0.5 * swing, "sensor_torque": measured}
+
+
+def clipped_at(columns: Columns) -> list[float]:
+    findings = check(Log.from_arrays(facts={"gear_ratio": 100}, **columns))
+    return sorted(finding.size for finding in findings.named("clipped_channel"))
+
+
+def test_a_sensor_that_clips_in_its_noise_is_clipped() -> None:
+    columns = noisy_swing(26.5, 0.05, 0.02)
+    columns["sensor_torque"] = coarse(columns["sensor_torque"] + 5.0, 0.02)
+    assert clipped_at(columns) == pytest.approx([-20.0, 30.0])
+
+
+def test_ends_that_are_the_same_but_for_the_sign_are_clipped_by_few_rows() -> None:
+    """Of these one end has 11 rows alone, and is none where it is not that of the other side."""
+    columns = noisy_swing(25.8, 0.05, 0.02)
+    assert np.sum(columns["sensor_torque"] == 25.0) == 11
+    assert clipped_at(columns) == [-25.0, 25.0]
+    columns["sensor_torque"] = coarse(columns["sensor_torque"] + 5.0, 0.02)
+    assert clipped_at(columns) == pytest.approx([-20.0])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3, 0.5, 1.0, 2.0])
+@pytest.mark.parametrize("top", [20.0, 20.13, 20.25])
+def test_a_swing_that_is_as_large_both_ways_is_not_clipped(noise: float, top: float) -> None:
+    """Noise in quanta: its ends are often the same but for the sign."""
+    for quantum in (0.02, 0.25):
+        assert clipped_at(noisy_swing(top, noise * quantum, quantum)) == []

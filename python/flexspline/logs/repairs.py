@@ -18,7 +18,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
 from flexspline.logs.log import Log, beyond
-from flexspline.logs.segments import repeats, stuck_from
+from flexspline.logs.segments import even_stamps, repeats, stuck_from
 from flexspline.logs.spikes import SPIKED, spikes
 
 __all__ = [
@@ -258,6 +258,18 @@ def _drop_end(log: Log, value: str) -> Log:
     return _kept(log, early, "drop_end", note)
 
 
+def _even_time(log: Log, _: str) -> Log:
+    time = log["time"]
+    if not (len(time) > 1 and np.diff(time).min() >= 0.0 and time[-1] > time[0]):
+        raise InputError(
+            f"log '{log.name}': even_time needs a time that does not run backwards; ask for "
+            "drop_invalid and sort_time before it"
+        )
+    even, step = even_stamps(time)
+    note = f"even_time: even stamps, {step:.6g} s from row to row; moved by up to "
+    return log.with_columns({"time": even}, note=f"{note}{np.max(np.abs(even - time)):.3g} s")
+
+
 def _unwrap(log: Log, channel: str) -> Log:
     names = (channel,) if channel else tuple(name for name in POSITIONS if name in log)
     if not names:
@@ -374,5 +386,6 @@ REPAIRS: Final[dict[str, Repair]] = {
     "velocity_from_position": Repair(
         "[velocity]", "compute a velocity anew from its position", _velocity_from_position
     ),
+    "even_time": Repair("", "put even time stamps on rows that got them in bursts", _even_time),
     "resample": Repair("Hz", "put the log on even steps", _resample),
 }

@@ -77,6 +77,28 @@ def runs(time: NDArray[np.float64], gap: float | None = None) -> NDArray[np.intp
     return np.stack((edges[:-1], edges[1:]), axis=1)
 
 
+def even_stamps(time: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Even time stamps [s] for rows that got theirs in bursts, shape (N,), and their step [s].
+
+    All runs between gaps have the step of the lines through their stamps over the rows, by least
+    squares, and each run the mean of its stamps. A gap is longer than 2.5 of the steps from burst
+    to burst.
+
+    Parameters
+    ----------
+    time : array (N,), s, that does not decrease and is not constant
+    """
+    steps = np.diff(time)
+    between = float(np.median(steps[steps >= np.mean(steps)]))
+    ranges = runs(time, GAP_STEPS * between)
+    lengths = ranges[:, 1] - ranges[:, 0]
+    row = np.arange(len(time), dtype=np.float64)
+    number = row - np.repeat(0.5 * (ranges[:, 0] + ranges[:, 1] - 1), lengths)
+    mean = np.repeat(np.add.reduceat(time, ranges[:, 0]) / lengths, lengths)
+    step = float(number @ (time - mean)) / float(number @ number)
+    return mean + step * number, step
+
+
 def at_rest(log: Log) -> NDArray[np.bool_]:
     """Rows in which the output certainly stands still, shape (N,); none where that is not told.
 

@@ -48,6 +48,7 @@ from flexspline.logs.checks.samples import (
     repeated_rows,
     slow_clock,
     spiked,
+    stamps_of_arrival,
     time_order,
     unsigned,
     wrapped,
@@ -75,7 +76,7 @@ __all__ = [
 ]
 
 
-ALWAYS = (no_channels, not_finite, impossible, time_order)
+ALWAYS = (no_channels, not_finite, stamps_of_arrival, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
 CHECKS = (
     slow_clock,

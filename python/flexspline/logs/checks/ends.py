@@ -4,7 +4,9 @@ A stuck tail repeats its last sample while the joint moves on: another channel s
 the joint would have stopped, and its noise with it, from one row to the next. A joint that comes
 to rest repeats its values with reason, and so does one whose drive never had noise: such rows are
 no finding. A homing move ends where the angle is set anew: it jumps faster than the joint ever
-moves, and stays there. A run that is meant to hold one speed has a transient at its start.
+moves, and stays there. A run that is meant to hold one speed has a transient at its start where
+its velocity settles, or its torque at the same speed, angle and load. Rest, a stroke that begins
+and gravity are none.
 
 A search also leaves out the rows of a drive in which its joint rests: static friction is
 undetermined within its level, so a residual of the motor torque at rest points to no cause, however
@@ -15,6 +17,7 @@ a stop may come from a brake, and a quarter after count as rest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,8 +29,8 @@ from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.consistency import WITHIN
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.samples import LIVELY, unwrapped
-from flexspline.logs.log import Log
+from flexspline.logs.checks.samples import LEVELS, LIVELY, unwrapped
+from flexspline.logs.log import TEMPERATURES, Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, stuck_from, true_ranges
 from flexspline.logs.spikes import CONVERTED
@@ -92,6 +95,17 @@ CHANNELS_CHECKED = ("output_velocity", "motor_velocity", "motor_current", "motor
 
 FAR = 2.5
 """A stretch is transient where its RMS deviation is this many times the usual."""
+
+ALIKE = 0.1
+"""Of the steady speed, by which a stretch may be off and its torque be compared."""
+
+SLACK = 0.05
+"""Of the steady speed, by which a joint that speeds up smoothly may overshoot or lose speed."""
+
+SAME = 1e-6
+"""Relative singular value below which columns that explain a torque are taken for the same."""
+
+LOADS = ("reference_torque", "sensor_torque")
 
 
 def drive_disabled(log: Log) -> Iterator[Finding]:
@@ -516,15 +530,18 @@ def at_work(logs: Sequence[Log], target: str) -> list[NDArray[np.bool_]] | None:
 
 def start_transient(log: Log) -> Iterator[Finding]:
     """A start that differs from the steady run behind it: the longest among the channels."""
-    found = [(transient_rows(log, c), c) for c in CHANNELS_CHECKED if c in log]
-    rows, channel = max(found, default=(0, ""))
+    made = _blocks_of(log)
+    if made is None:
+        return
+    found = [(*_start_of(log, c, made), c) for c in CHANNELS_CHECKED if c in log]
+    rows, worst, channel = max(found, default=(0, 0.0, ""))
     if rows == 0:
         return
-    time, values = log["time"], log[channel]
+    time = log["time"]
     seconds = float(np.ceil(10 * (time[rows - 1] - time[0]) - 1e-6) / 10)
-    level = float(np.nanmedian(values[rows:]))
-    worst = float(np.nanmax(np.abs(values[:rows] - level)))
+    level = float(np.nanmedian(log[channel][rows:]))
     unit = CHANNELS[channel].unit
+    where = "" if channel in VELOCITY.values() else ", at the same speed, angle and load"
     yield Finding(
         "start_transient",
         "fault",
@@ -533,36 +550,171 @@ def start_transient(log: Log) -> Iterator[Finding]:
         seconds,
         "s",
         f"the first {seconds:.1f} s differ from the steady run behind them: {channel} is up to "
-        f"{worst:.3g} {unit} away from its {level:.3g} {unit}.",
+        f"{worst:.3g} {unit} away from its {level:.3g} {unit}{where}.",
         f"Ask for the repair drop_start={seconds:.1f}.",
     )
 
 
-def transient_rows(log: Log, channel: str) -> int:
-    """Rows at the start in which a channel is far from its steady level; 0 without any.
+@dataclass(frozen=True)
+class _Blocks:
+    """Stretches of 0.1 s of a run that holds one speed: `count` of them, `width` rows each."""
 
-    Only where the run holds one speed: in its last two thirds nine rows of ten keep within 40 %
-    of the median velocity, and its last half is no part of a slow swing. Stretches of 0.1 s are
-    compared by their RMS deviation from the level of the last two thirds; the transient is the far
-    ones that the run begins with.
+    count: int
+    width: int
+
+    def of(self, values: Array) -> Array:
+        """Values (N,) by stretch, (count, width)."""
+        return values[: self.count * self.width].reshape(self.count, self.width)
+
+    def mean(self, values: Array) -> Array:
+        """Mean over the finite values of each stretch, (count,); NaN where there is none."""
+        known = np.isfinite(self.of(values))
+        sums = np.sum(np.where(known, self.of(values), 0.0), axis=1)
+        return np.where(known.any(axis=1), sums / np.maximum(known.sum(axis=1), 1), np.nan)
+
+    @property
+    def steady(self) -> slice:
+        """The stretches of the last two thirds."""
+        return slice(self.count // 3, None)
+
+
+def _blocks_of(log: Log) -> _Blocks | None:
+    """The stretches of a log; None unless it holds one speed.
+
+    In its last two thirds nine rows of ten keep within 40 % of the median velocity, and its last
+    half is no part of a slow swing.
     """
-    velocity = next((log[c] for c in ("output_velocity", "motor_velocity") if c in log), None)
+    velocity = next((log[c] for c in VELOCITY.values() if c in log), None)
     if velocity is None or not _one_speed(velocity[len(log) // 3 :]):
-        return 0
+        return None
     if _swings(velocity[len(log) // 2 :]):
-        return 0
+        return None
     width = max(4, round(WINDOW * log.rate)) if np.isfinite(log.rate) else 0
     count = len(log) // width if width else 0
-    if count < 10:
-        return 0
-    blocks = log[channel][: count * width].reshape(count, width)
-    steady = blocks[count // 3 :]
-    level = float(np.nanmedian(steady))
-    spread = np.sqrt(np.nanmean((blocks - level) ** 2, axis=1))
-    usual = float(np.nanmedian(spread[count // 3 :]))
-    highest = float(np.nanmax(spread[count // 2 :]))
-    far = spread > max(FAR * usual, 1.25 * highest, 1e-6 * abs(level))
-    return int(np.argmin(far[: count // 2])) * width
+    return _Blocks(count, width) if count >= 10 else None
+
+
+def _start_of(log: Log, channel: str, made: _Blocks) -> tuple[int, float]:
+    """Rows at the start in which a channel is far from its steady course, and how far; 0 if none.
+
+    A velocity is compared with its level, unless the joint speeds up smoothly. A torque is
+    compared where the speed is the steady one, with what angle, load and temperature explain.
+    Stretches of the start that are found far are left out of that fit, until no more are.
+    """
+    values = made.of(log[channel])
+    if channel in VELOCITY.values():
+        if _speeds_up(log, made):
+            return 0, 0.0
+        level = float(np.nanmedian(values[made.steady]))
+        return _far(values, values - level, np.ones(made.count, dtype=bool))
+    alike, causes, mean = _at_speed(log, made), [*_causes(log)], made.mean(log[channel])
+    columns = np.column_stack([np.ones(made.count), *(made.mean(one) for one in causes)])
+    size = np.maximum(np.nan_to_num(np.abs(columns)).max(axis=0), 1e-300)
+    fitted = alike & np.isfinite(mean) & np.isfinite(columns).all(axis=1)
+    rows, worst = 0, 0.0
+    while True:
+        fitted[: rows // made.width] = False
+        level, *amplitudes = np.linalg.lstsq((columns / size)[fitted], mean[fitted], rcond=SAME)[0]
+        away = values - level
+        for amplitude, cause, scale in zip(amplitudes, causes, size[1:], strict=True):
+            away -= amplitude / scale * made.of(cause)
+        longer, far = _far(values, away, alike)
+        if longer <= rows:
+            return rows, worst
+        rows, worst = longer, far
+
+
+def _far(values: Array, away: Array, alike: NDArray[np.bool_]) -> tuple[int, float]:
+    """Rows of the far stretches that the comparable ones begin with, and the largest deviation.
+
+    `values` and how far they are `away`, (count, width), by stretch. A stretch is far where its RMS
+    deviation is larger than usual, and larger than in the second half.
+    """
+    count, width = values.shape
+    known: NDArray[np.bool_] = np.isfinite(away) & alike[:, None]
+    squares = np.sum(np.where(known, away, 0.0) ** 2, axis=1)
+    spread = np.sqrt(squares / np.maximum(known.sum(axis=1), 1))
+    told = np.asarray(known.any(axis=1))
+    steady = spread[count // 3 :][told[count // 3 :]]
+    first = int(np.argmax(told))
+    if not steady.size or not told[count // 2 :].any() or first >= count // 2:
+        return 0, 0.0
+    level = abs(float(np.nanmedian(values[count // 3 :])))
+    highest = float(np.max(spread[count // 2 :]))
+    far = spread > max(FAR * float(np.median(steady)), 1.25 * highest, 1e-6 * level)
+    rows = int(np.argmin(np.append(far[first : count // 2], False)))
+    if rows == 0:
+        return 0, 0.0
+    start = slice(first, first + rows)
+    return (first + rows) * width, float(np.max(np.abs(away[start][known[start]])))
+
+
+def _at_speed(log: Log, made: _Blocks) -> NDArray[np.bool_]:
+    """The stretches in which the joint has the speed of the steady run."""
+    speed = made.mean(next(log[c] for c in VELOCITY.values() if c in log))
+    level = float(np.nanmedian(speed[made.steady]))
+    off = np.abs(speed - level)
+    usual = float(np.nanpercentile(off[made.steady], 90))
+    return np.asarray(off <= max(ALIKE * abs(level), usual))
+
+
+def _speeds_up(log: Log, made: _Blocks) -> bool:
+    """Whether the joint goes to its speed smoothly, and never beyond it or back.
+
+    Its angle tells. A velocity alone may settle in its filter: it has to begin with a rest.
+    """
+    speed, position = _measured_speed(log, made)
+    level = float(np.median(speed[made.steady]))
+    if not level:  # NaN goes through, and reaches nothing
+        return False
+    speed = speed / level
+    slack = max(SLACK, 1.25 * float(np.max(np.abs(speed[made.count // 2 :] - 1.0))))
+    reached = int(np.argmax(speed >= 1.0 - slack))
+    ramp = speed[: made.count // 2]
+    smooth = ramp.max() <= 1.0 + slack and np.diff(ramp).min() >= -slack
+    stays = 0 < reached < len(ramp) and ramp[reached:].min() >= 1.0 - slack
+    return bool(smooth and stays and (position or abs(ramp[0]) <= slack))
+
+
+def _measured_speed(log: Log, made: _Blocks) -> tuple[Array, bool]:
+    """Speed of the joint by stretch, (count,), and whether an angle tells it."""
+    position = next((c for c in POSITIONS if c in log), None)
+    if position is None:
+        return made.mean(next(log[c] for c in VELOCITY.values() if c in log)), False
+    angle, time = made.of(unwrapped(log, position)), made.of(log["time"])
+    return (angle[:, -1] - angle[:, 0]) / np.maximum(time[:, -1] - time[:, 0], 1e-12), True
+
+
+def _causes(log: Log) -> Iterator[Array]:
+    """What may explain a torque at one speed beside a constant, (N,) each.
+
+    Sine and cosine of the output angle, known torques and their amounts, as friction follows
+    these, and temperatures of more than a few levels.
+    """
+    angle = _output_angle(log)
+    if angle is not None:
+        yield from (np.sin(angle), np.cos(angle))
+    for load in LOADS:
+        if load in log and np.isfinite(log[load]).any():
+            yield from (log[load], np.abs(log[load]))
+    for name in TEMPERATURES:
+        if name in log and len(np.unique(log[name])) > LEVELS:
+            yield log[name]
+
+
+def _output_angle(log: Log) -> Array | None:
+    """Angle of the output, from wherever its zero is: measured, or from the velocity."""
+    if "output_position" in log:
+        return log["output_position"]
+    ratio = log.effective_ratio or math.nan
+    if "motor_position" in log:
+        angle = log["motor_position"] / ratio
+    elif "output_velocity" in log:
+        steps = np.diff(log["time"], prepend=log["time"][0])
+        angle = np.cumsum(np.nan_to_num(log["output_velocity"] * steps))
+    else:
+        return None
+    return angle if np.isfinite(angle).any() else None
 
 
 def _one_speed(velocity: Array) -> bool:

@@ -9,9 +9,9 @@ logs eight stretches are looked at, 400 000 rows in all.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,11 @@ LEFT_OUT = re.compile(
 
 JITTER_SHARE = 0.05
 """Where more steps than this share are long, the clock is uneven and nothing was dropped."""
+
+AT_ONCE, REGULAR, FEWEST_STEPS = 0.25, 0.8, 100
+"""Rows come at once that are less of the mean step apart; and they come in bursts where this share
+of these, of so many rows, has the same length within a row. A clock that jitters by a fifth of its
+step has 1 row of 10 000 that close."""
 
 SLOW = 0.5
 """s from row to row, from which time may be in milliseconds: what a recorder of 2 kHz writes then,
@@ -82,6 +87,10 @@ OFTEN = 0.05
 TURNING = 5.0
 """Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
 level (1 : √2 − 1), and twice that by chance of where the level lies."""
+
+NOISY_PILE = 3.0
+"""Times the level beside it, from which a channel with noise above its grain is clipped. Of noise
+that is cut in its middle, half is at the limit; at an end that is none are the fewest rows."""
 
 LEVELS = 4
 """Levels of which `quantum` finds no lattice."""
@@ -191,7 +200,7 @@ def time_order(log: Log) -> Iterator[Finding]:
             f"{worst:.4g} s.",
             f"Ask for the repair sort_time{other if restart else ''}.",
         )
-    if same.size:
+    if same.size and not arrival_bursts(log):
         yield Finding(
             "duplicate_time",
             "error",
@@ -202,6 +211,53 @@ def time_order(log: Log) -> Iterator[Finding]:
             f"the time of the row before is repeated in {_rows(same.size)}, first row {same[0]}.",
             "Ask for the repair drop_duplicates.",
         )
+
+
+def stamps_of_arrival(log: Log) -> Iterator[Finding]:
+    """Time stamps that several rows at once got when they arrived, over a bus or from a queue."""
+    rows = arrival_bursts(log)
+    if not rows:
+        return
+    time = log["time"]
+    step = float(np.median(time[rows:] - time[:-rows])) / rows
+    close = float(np.median(np.sort(np.diff(time))[: len(time) // 2]))
+    yield Finding(
+        "arrival_time",
+        "error",
+        "time",
+        (0, len(log)),
+        float(rows),
+        "rows",
+        f"rows come {rows} at a time, {close:.2g} s from one to the next where {step:.4g} s is the "
+        "mean: they were stamped when they arrived, and not when they were measured.",
+        "Ask for the repair even_time, which puts even stamps at the mean rate, or record the time "
+        "of measurement.",
+    )
+
+
+def arrival_bursts(log: Log) -> int:
+    """Rows that arrive at once, in the median; 0 unless nearly all rows come so.
+
+    Between such rows hardly any time goes by, and the joint goes as far as it does over the long
+    steps, by the angle or else the motor's. A recorder that does read twice at once reads the same
+    angle twice.
+    """
+    steps = np.diff(log["time"])
+    if len(steps) < FEWEST_STEPS or not np.isfinite(steps).all() or steps.min() < 0.0:
+        return 0
+    long = steps > AT_ONCE * float(np.mean(steps))
+    if not 0.0 < np.mean(long) <= 0.6:
+        return 0
+    sizes = np.diff(np.flatnonzero(long))
+    rows = int(np.median(sizes)) if sizes.size else 0
+    if rows < 2 or np.mean(np.abs(sizes - rows) <= 1) < REGULAR:
+        return 0
+    if np.mean(repeats(log)[1:][~long]) > 0.5:
+        return 0
+    ways = (np.abs(np.diff(unwrapped(log, name))) for name in POSITIONS[:2] if name in log)
+    way = next(ways, np.zeros(len(steps)))
+    even = np.nansum(way[~long]) * long.sum() >= 0.5 * np.nansum(way[long]) * (~long).sum()
+    return rows if even else 0
 
 
 def slow_clock(log: Log) -> Iterator[Finding]:
@@ -245,7 +301,7 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         return
     steps = np.diff(time)
     long = np.flatnonzero(steps > DROP_STEPS * step)
-    if long.size == 0 or long.size > JITTER_SHARE * steps.size:
+    if long.size == 0 or long.size > JITTER_SHARE * steps.size or arrival_bursts(log):
         return
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
@@ -431,32 +487,89 @@ def clipped(log: Log) -> Iterator[Finding]:
         if channel not in log or not np.isfinite(log[channel]).any():
             continue
         values, idle = log[channel], resting | off if channel in DRIVES else resting
-        for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
-            at = (values == limit) & ~idle
-            count = int(np.count_nonzero(at))
-            if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
-                continue
-            ranges = true_ranges(at)
-            usual = _usual_count(values, limit)
-            if np.max(ranges[:, 1] - ranges[:, 0]) < 3 or count < 10 * usual:
-                continue
-            beside = _beside(values, limit)
-            slowing = max(beside / usual, 1.0)  # what is cut off does not slow down before
-            if count < TURNING * slowing * beside:
-                continue
+        limits = {float(np.nanmax(values)), float(np.nanmin(values))}
+        ends = [_End(values, at, true_ranges((values == at) & ~idle)) for at in sorted(limits)]
+        for end in _clipped_ends(ends):
             unit = CHANNELS[channel].unit
             yield Finding(
                 "clipped_channel",
                 "fault",
                 channel,
-                (int(ranges[0, 0]), int(ranges[-1, 1])),
-                limit,
+                (int(end.ranges[0, 0]), int(end.ranges[-1, 1])),
+                end.limit,
                 unit,
-                f"{channel} stays at exactly {limit:.6g} {unit} in {count} rows, first in row "
-                f"{ranges[0, 0]}: it is clipped there.",
-                f"Ask for the repair drop_clipped={channel}:{limit!r}, or record with a wider "
+                f"{channel} stays at exactly {end.limit:.6g} {unit} in {end.count} rows, first in "
+                f"row {end.ranges[0, 0]}: it is clipped there.",
+                f"Ask for the repair drop_clipped={channel}:{end.limit!r}, or record with a wider "
                 "range.",
             )
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """The largest or smallest value of a channel, and the rows at it in which the joint works."""
+
+    values: Array
+    limit: float
+    ranges: NDArray[np.intp]
+
+    @property
+    def count(self) -> int:
+        return int(np.sum(self.ranges[:, 1] - self.ranges[:, 0]))
+
+    @property
+    def longest(self) -> int:
+        """Rows on end."""
+        return int(np.max(self.ranges[:, 1] - self.ranges[:, 0], initial=0))
+
+    @cached_property
+    def beside(self) -> int:
+        """How often the level next to the limit occurs."""
+        return _beside(self.values, self.limit)
+
+    @cached_property
+    def usual(self) -> float:
+        """How often levels near the limit occur."""
+        return _usual_count(self.values, self.limit)
+
+
+def _clipped_ends(ends: Sequence[_End]) -> list[_End]:
+    """The ends at which a channel is clipped.
+
+    Noise above a channel's grain is at no level for several rows on end, and at the largest least
+    of all, so that less of a pile shows a limit then: on one side, or on both together where they
+    are the same but for their sign.
+    """
+    found = [end for end in ends if _often([end]) and _piles_up([end], _slowing(end))]
+    values = ends[0].values
+    if len(found) < len(ends) and _often(ends) and white_noise(values) > quantum(values):
+        found = [e for e in ends if e in found or (_often([e]) and _piles_up([e], NOISY_PILE))]
+        mirrored = len(ends) == 2 and np.isclose(ends[0].limit, -ends[1].limit, rtol=1e-9, atol=0.0)
+        if mirrored and _piles_up(ends, 1.0):
+            found = [end for end in ends if end.count]
+    return found
+
+
+def _slowing(end: _End) -> float:
+    """Times the level beside it, above which it is more than a smooth motion's turn.
+
+    What is cut off does not slow down before.
+    """
+    return TURNING * max(end.beside / end.usual, 1.0)
+
+
+def _often(ends: Sequence[_End]) -> bool:
+    """Whether ends, taken together, occur often, but not most of the time, and on end."""
+    count, rows = sum(end.count for end in ends), len(ends[0].values)
+    enough = max(10, 0.0005 * rows) <= count < 0.5 * rows
+    return enough and max(end.longest for end in ends) >= 3
+
+
+def _piles_up(ends: Sequence[_End], times: float) -> bool:
+    """Whether ends, taken together, occur `times` as often as beside them, and as no level near."""
+    count, beside = sum(end.count for end in ends), sum(end.beside for end in ends)
+    usual = float(np.mean([end.usual for end in ends]))
+    return count >= max(10.0 * usual, times * beside)
 
 
 def spiked(log: Log) -> Iterator[Finding]:
