@@ -323,3 +323,17 @@ def test_channels_to_map_are_named_once() -> None:
     lack = {one.effect: one.lack for one in excited(log, (), None)}
     assert lack["position_dependent_friction"] == "no output_position"
     assert lack["load_dependent_friction"] == "no output_position or output_velocity"
+
+
+def test_where_only_the_motor_has_an_encoder_the_map_that_takes_it_is_named() -> None:
+    time = np.arange(0.0, 10.0, 0.004)
+    motor = 50.0 * np.sin(time)
+    bare = Log.from_arrays(time=time, motor_position=motor, motor_torque=0.1 * np.cos(time))
+    geared = bare.with_facts({"gear_ratio": 50.0})
+    sensed = geared.with_columns({"output_position": motor / 50.0}, note="an encoder")
+    told = []
+    for log in (bare, geared, sensed):
+        found = check(log, effects=["coulomb_friction"])
+        told.append([finding.remedy for finding in found.named("missing_channel")])
+    assert len(told[0]) == len(told[1]) == 1 and not told[2]
+    assert "scale = 0.02" in told[1][0] and "scale" not in told[0][0]

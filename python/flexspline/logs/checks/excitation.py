@@ -263,6 +263,13 @@ def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
 
 
 def _missing(log: Log, channel: str, what: str) -> Finding:
+    ratio = log.effective_ratio
+    by_motor = (
+        f" The motor's encoder tells it but for the gear's torsion: map its column to {POSITION} "
+        f"with scale = {1.0 / ratio:.6g}."
+        if MOTOR in log and ratio and POSITION not in log and channel.startswith("output_")
+        else ""
+    )
     return Finding(
         "missing_channel",
         "error",
@@ -271,7 +278,7 @@ def _missing(log: Log, channel: str, what: str) -> Finding:
         0.0,
         "",
         f"{what} needs {channel}, which is not in the log.",
-        "Map it when reading, or leave the effect out.",
+        f"Map it when reading, or leave the effect out.{by_motor}",
     )
 
 
