@@ -34,6 +34,7 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
+from flexspline.tracking.explanations import turned_by
 from flexspline.tracking.history import DAY, TOLD, History, history_of
 from flexspline.tracking.result import (
     CHANGED,
@@ -239,6 +240,7 @@ def _change(history: History, told: Told) -> Change:
         history.date(_told_since(made.series, history.looked_at)),
         told.evidence,
         told.needed,
+        turned_by(history, told),
     )
 
 

@@ -29,6 +29,7 @@ from flexspline.tracking.changes import (
     SETTLING,
     STEP,
 )
+from flexspline.tracking.explanations import Turned
 
 if TYPE_CHECKING:
     import pandas
@@ -61,6 +62,11 @@ AS_UPPER = (
 WHOLE = (
     ": friction and what it carries changed by one share, which what the torque is measured with "
     "explains, such as the torque constant or the current sensor."
+)
+RISES, FALLS, TURNS = ("rises", "rose"), ("falls", "fell"), ("turns", "turned")
+TURNED = (
+    ", and its amplitude stayed: no mass changed, but the zero of the encoder moved, or the axis "
+    "was mounted otherwise."
 )
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
@@ -155,6 +161,7 @@ class Change:
     per_year : how fast it goes on at the last session; 0 of a step.
     told_since : the session at which it could first be told.
     evidence, needed : ln B and what it must exceed.
+    turned : by how much gravity turned, where that is all that it did.
     """
 
     causes: tuple[str, ...]
@@ -173,6 +180,7 @@ class Change:
     told_since: datetime
     evidence: float
     needed: float
+    turned: Turned | None = None
 
     @property
     def known(self) -> bool:
@@ -188,11 +196,17 @@ class Change:
     def sentence(self) -> str:
         """What changed, since when and by how much."""
         if self.scaled:
-            return f"{self._what('The torque as a whole', self._share, self.relative > 0.0)}{WHOLE}"
+            way = RISES if self.relative > 0.0 else FALLS
+            return f"{self._what('The torque as a whole', self._share, way)}{WHOLE}"
+        name = spoken(self.parameter)
+        if self.turned is not None:
+            angle = f"{plus_minus(self.turned.degrees, self.turned.error)}°"
+            name = f"The direction of {name.partition('.')[0]}"
+            return f"{self._what(name, angle, TURNS)}{TURNED}"
         size = in_unit(plus_minus(abs(self.size), self.error), self.unit)
         if abs(self.relative) <= MOST_RELATIVE:
             size += f" ({_percent(self.relative, '+')})"
-        what = self._what(spoken(self.parameter), size, self.size > 0.0)
+        what = self._what(name, size, RISES if self.size > 0.0 else FALLS)
         if self.known:
             return f"{what}."
         others = listed(
@@ -207,21 +221,19 @@ class Change:
         error = abs(self.relative * self.error / self.size)
         return f"{plus_minus(100.0 * abs(self.relative), 100.0 * error)} %"
 
-    def _what(self, name: str, size: str, up: bool) -> str:
+    def _what(self, name: str, size: str, way: tuple[str, str]) -> str:
         """What a name did, since when and by how much."""
         first, last = (day(each) for each in self.between)
         about = f"{day(self.date)}" + (f" ({first} to {last})" if first != last else "")
-        faster = f"{name} {'rises' if up else 'falls'} ever faster since {about}, by {size} so far"
+        does, did = way
+        faster = f"{name} {does} ever faster since {about}, by {size} so far"
         return {
-            STEP: f"{name} {'rose' if up else 'fell'} at once by {size} about {about}",
-            RAMP: f"{name} {'rises' if up else 'falls'} since {about}, by {size} so far",
+            STEP: f"{name} {did} at once by {size} about {about}",
+            RAMP: f"{name} {does} since {about}, by {size} so far",
             ACCELERATING: faster,
             RUNNING_AWAY: faster,
-            SETTLING: f"{name} {'rose' if up else 'fell'} since {about} by {size} and settles",
-        }.get(
-            self.kind or "",
-            f"{name} {'rose' if up else 'fell'} by {size} since {about}; {self._open}",
-        )
+            SETTLING: f"{name} {did} since {about} by {size} and settles",
+        }.get(self.kind or "", f"{name} {did} by {size} since {about}; {self._open}")
 
     @property
     def _open(self) -> str:
@@ -235,6 +247,8 @@ class Change:
         """What the joint needs."""
         if self.scaled:
             return "a look at its torque constant and current sensor"
+        if self.turned is not None:
+            return "a look at the zero of its encoder and at how its axis is mounted"
         return needed_by(self.parameter.partition(".")[0]) if self.known else ""
 
 
