@@ -19,6 +19,7 @@ from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import plus_minus, short, short_names
 from flexspline.lazy import Rendered, render
+from flexspline.model import no_drive_has
 from flexspline.schema import checked_json
 from flexspline.tracking.attribution import SCALE
 from flexspline.tracking.changes import (
@@ -29,7 +30,7 @@ from flexspline.tracking.changes import (
     SETTLING,
     STEP,
 )
-from flexspline.tracking.explanations import Turned
+from flexspline.tracking.explanations import OtherRange, Turned
 
 if TYPE_CHECKING:
     import pandas
@@ -67,6 +68,10 @@ RISES, FALLS, TURNS = ("rises", "rose"), ("falls", "fell"), ("turns", "turned")
 TURNED = (
     ", and its amplitude stayed: no mass changed, but the zero of the encoder moved, or the axis "
     "was mounted otherwise."
+)
+OTHERWISE = (
+    "At the same time the sessions ran differently ({}): a form that the model lacks is likelier "
+    "than a change of the joint."
 )
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
@@ -107,6 +112,7 @@ class TrackedParameter:
     values : (S,) as measured, NaN where a session does not tell it; `corrected`: what they would be
         at the reference temperature.
     band : of its level.
+    negative : what it is below zero that no drive has, friction or inertia, or "".
     """
 
     name: str
@@ -122,6 +128,7 @@ class TrackedParameter:
     values: Array
     corrected: Array
     band: Band
+    negative: str = ""
 
     @property
     def differs(self) -> bool:
@@ -162,6 +169,8 @@ class Change:
     told_since : the session at which it could first be told.
     evidence, needed : ln B and what it must exceed.
     turned : by how much gravity turned, where that is all that it did.
+    ranges : channels whose ranges changed at the same sessions: the likelier cause.
+    negative : whether its level is now below zero, which no drive has.
     """
 
     causes: tuple[str, ...]
@@ -181,6 +190,8 @@ class Change:
     evidence: float
     needed: float
     turned: Turned | None = None
+    ranges: tuple[OtherRange, ...] = ()
+    negative: bool = False
 
     @property
     def known(self) -> bool:
@@ -194,6 +205,14 @@ class Change:
 
     @property
     def sentence(self) -> str:
+        """What changed, since when and by how much, and what explains it rather."""
+        if not self.ranges:
+            return self._changed
+        ran = listed(f"{each.channel} from {each.new}, before {each.old}" for each in self.ranges)
+        return f"{self._changed} {OTHERWISE.format(ran)}"
+
+    @property
+    def _changed(self) -> str:
         """What changed, since when and by how much."""
         if self.scaled:
             way = RISES if self.relative > 0.0 else FALLS
@@ -245,6 +264,11 @@ class Change:
     @property
     def needs(self) -> str:
         """What the joint needs."""
+        if self.ranges:
+            ran = listed(f"{each.channel} from {each.old}" for each in self.ranges)
+            return f"sessions that run as before ({ran}) to tell whether it changed at all"
+        if self.negative:
+            return f"another model, for its {spoken(self.parameter)} is none that a drive has"
         if self.scaled:
             return "a look at its torque constant and current sensor"
         if self.turned is not None:
@@ -385,6 +409,12 @@ class Track(Rendered):
             named = {change.parameter for change in self.changes}
             more = [p for p in self.parameters if p.state == CHANGED and p.name not in named]
             said += [p.sentence for p in more]
+        said += [
+            f"{spoken(p.name)}, now {in_unit(plus_minus(*p.now), p.unit)}, "
+            f"{no_drive_has(p.negative)}: the model lacks a form that these sessions show."
+            for p in self.parameters
+            if p.negative
+        ]
         said += [forecast.sentence for forecast in self.forecasts]
         limited = {forecast.parameter for forecast in self.forecasts}
         lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
