@@ -61,6 +61,7 @@ __all__ = [
     "gravity_on_gear",
     "load_words",
     "lowpass_remark",
+    "no_drive_has",
     "own_of_runs",
     "part_warnings",
     "range_warnings",
@@ -741,11 +742,16 @@ def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     `significant`: of those that `negative_terms` returns with it.
     """
     return [
-        f"{term.name} = {term.value:.3g}{_unit(term.unit, part)} is negative {term.what}, which no "
-        f"drive has{'' if term.significant else ', and not significant'}; fit it again with "
+        f"{term.name} = {term.value:.3g}{_unit(term.unit, part)} {no_drive_has(term.what)}"
+        f"{'' if term.significant else ', and not significant'}; fit it again with "
         "bounds, or with runs that show it"
         for term in negative_terms(part, significant=significant)
     ]
+
+
+def no_drive_has(what: str) -> str:
+    """Return what is wrong with a friction or inertia below zero, behind its value."""
+    return f"is negative {what}, which no drive has"
 
 
 class NegativeTerm(NamedTuple):

@@ -225,3 +225,18 @@ def test_a_loop_whose_middle_is_straight_is_not_called_bent() -> None:
     assert apart is not None and apart > 1.0
     assert f"is a loop, whose sides are up to {short(apart)} Nm apart, and" in said
     assert said.endswith("hold the noise alone and not the loop")
+
+
+def test_what_the_readings_of_one_load_differ_by_is_not_called_bent() -> None:
+    """A reference that is 1 s late is off as the line is, by no more than the figure's noise."""
+    rig = Bench(bend=0.0, memory=0.0, ripple=0.0)
+    log = bench.load_run(rig)
+    late = np.interp(log["time"] - 1.0, log["time"], log["reference_torque"])
+    load = log.with_columns({"reference_torque": late}, note="late")
+    made = calibrate([load, bench.drift_run(rig)], full_scale=FULL_SCALE)
+    (said,) = [w for w in made.warnings if "a straight line is off" in w]
+    figure = made.figure("non-linearity, least squares")
+    assert figure.percent is not None and figure.noise is not None
+    assert figure.percent <= figure.noise
+    assert "no bend that is significant" in said and "is bent" not in said
+    assert "a reference that was recorded late" in said

@@ -68,6 +68,9 @@ def write_models(folder: Path, count: int = COUNT, **more) -> list[Path]:
 def test_runs_become_a_history_by_date() -> None:
     made = history()
     assert len(made) == COUNT
+    assert made.target == "sensor_torque"
+    velocity = made.ranges["output_velocity"]
+    assert velocity.shape == (COUNT, 2) and (velocity[:, 0] < velocity[:, 1]).all()
     assert made.names == (
         "offset.offset", "coulomb_friction.level", "viscous_friction.viscosity", "inertia.inertia",
     )  # fmt: skip

@@ -87,6 +87,9 @@ def test_a_session_of_the_fleet_is_one_of_the_joint_alone() -> None:
     assert history.knows_temperature is not None and history.joint == "joint2"
     level = history.values[:, history.names.index("coulomb_friction.level")]
     assert np.mean(level[ONSET:]) - np.mean(level[:ONSET]) == pytest.approx(STEP, abs=0.03)
+    assert history.target == "sensor_torque"
+    velocity = history.ranges["output_velocity"]
+    assert velocity.shape == (SESSIONS, 2) and (velocity[:, 0] < velocity[:, 1]).all()
 
 
 def test_of_many_joints_a_change_needs_more_evidence() -> None:

@@ -542,6 +542,14 @@ def _bend(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator
     torque, percent, at = (value or 0.0 for value in (bend[0].torque, bend[0].percent, bend[0].at))
     apart = result.figure("hysteresis").torque or 0.0
     form, its = "bent", "bend"
+    if percent <= (bend[0].noise or 0.0):
+        yield (
+            f"a straight line is off by up to {short(torque)} Nm, {percent_text(percent)} %FS and "
+            f"{short(bend[1])} times the noise of a reading, at {short(at)} Nm, which is no bend "
+            "that is significant: what differs between the readings of one load shows as much. "
+            "Look for a reference that was recorded late, or a zero that moved between the runs"
+        )
+        return
     if torque <= 0.5 * apart:  # at the ends of a loop there is one side alone
         form, its = f"a loop, whose sides are up to {short(apart)} Nm apart", "loop"
     how = (

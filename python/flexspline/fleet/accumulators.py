@@ -38,7 +38,7 @@ from flexspline.least_squares.options import (
     resolve,
     shapes_of,
 )
-from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.problem import Problem, Ranges, joined_ranges, problem_of
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.log import Fact, Log
 from flexspline.signals import Carried, require_one_unit, without_unread
@@ -305,6 +305,7 @@ class RunSums:
     own : columns that each run has its own coefficient of.
     facts : of the joint, such as its gear ratio.
     remarks : sentences about the run.
+    ranges : lowest and highest value of each channel that the effects read.
     """
 
     unit: str
@@ -318,6 +319,7 @@ class RunSums:
     own: tuple[int, ...]
     remarks: tuple[str, ...] = ()
     facts: Mapping[str, Fact] = field(default_factory=dict)
+    ranges: Ranges = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -372,15 +374,16 @@ def accumulators_of(session: Session, plan: Plan) -> RunSums:
     """
     pieces = session.pieces(PIECE) if _in_pieces(session) else iter([session.read()])
     sums, seconds, temperatures, remarks = [], 0.0, [], []
-    count, facts = 0, dict[str, Fact]()
+    count, facts, ranges = 0, dict[str, Fact](), list[Ranges]()
     for log in pieces:
         session, facts = session.dated(log), {**log.facts}
         if count and len(log) < PIECE // 10:
             remarks.append(f"the last {len(log)} rows are no piece of their own, and do not count")
             break
-        made, said = _summed(log, plan)
+        made, said, reached = _summed(log, plan)
         count += 1
         sums.append(made)
+        ranges.append(reached)
         remarks += said
         seconds += log.duration
         warm = mean_temperature(log)
@@ -405,6 +408,7 @@ def accumulators_of(session: Session, plan: Plan) -> RunSums:
         own,
         tuple(dict.fromkeys(remarks)),
         {key: facts[key] for key in JOINT_FACTS if key in facts},
+        joined_ranges(ranges),
     )
 
 
@@ -420,8 +424,8 @@ def _in_pieces(session: Session) -> bool:
     return session.size > LARGE and not session.arguments.get("repair")
 
 
-def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
-    """Sums of a run, or of a piece of one, and what its checks say."""
+def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str], Ranges]:
+    """Sums of a run, or of a piece of one, what its checks say, and ranges of its channels."""
     asked = plan.effects, plan.target, plan.known_load
     read, said = without_unread([log], *asked)
     said += checked(read, *asked) if plan.checks else []
@@ -432,7 +436,7 @@ def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
     made = _sums(replace(problem, block_rows=length), plan)
     if not np.isfinite(made.high).all():
         raise InputError(f"{log.name}: sums are not finite; look for values that no joint has")
-    return made, said
+    return made, said, problem.ranges
 
 
 def _posed(log: Log, plan: Plan) -> Problem:

@@ -560,7 +560,7 @@ def _record(
     confounded: Sequence[Confounded],
     uncertainty: Uncertainty,
 ) -> dict[str, Any]:
-    channels = sorted({name for run in problem.runs for name in run.channels} - {"period"})
+    channels = [*problem.ranges]
     return {
         "parameters": [p.to_json() for p in parameters],
         "covariance": {
@@ -582,13 +582,7 @@ def _record(
         ),
         **({"carried": problem.carried.to_json()} if problem.carried else {}),
         "channels": channels,
-        "validity": {
-            name: [
-                min(float(run.channels[name].min()) for run in problem.runs),
-                max(float(run.channels[name].max()) for run in problem.runs),
-            ]
-            for name in channels
-        },
+        "validity": {name: [*ends] for name, ends in problem.ranges.items()},
         **target_range(problem),
         "logs": [
             {

@@ -26,7 +26,7 @@ temperature hardly changes within the smoother's reach.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -62,10 +62,12 @@ from flexspline.simulator import Simulated, simulation_of
 __all__ = [
     "OwnBasis",
     "Problem",
+    "Ranges",
     "Run",
     "away_from_ends",
     "coarser",
     "columns_of",
+    "joined_ranges",
     "kept_rows",
     "memory_warnings",
     "noise_of_load",
@@ -79,6 +81,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Ranges = Mapping[str, tuple[float, float]]
 T = TypeVar("T")
 
 SECONDS_A_BLOCK = 2.0
@@ -162,6 +165,16 @@ class OwnBasis:
     hidden: NDArray[np.bool_]
 
 
+def joined_ranges(parts: Sequence[Ranges]) -> Ranges:
+    """Return the ranges, by channel, of these parts together."""
+    names = sorted({name for part in parts for name in part} - {"period"})
+    every = {name: [part[name] for part in parts if name in part] for name in names}
+    return {
+        name: (min(low for low, _ in ends), max(high for _, high in ends))
+        for name, ends in every.items()
+    }
+
+
 @dataclass(frozen=True)
 class Problem:
     """Runs that one model explains.
@@ -194,6 +207,14 @@ class Problem:
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
     )
+
+    @property
+    def ranges(self) -> Ranges:
+        """Lowest and highest value of each channel, of all runs, by name."""
+        return joined_ranges([
+            {name: (float(of.min()), float(of.max())) for name, of in run.channels.items()}
+            for run in self.runs
+        ])  # fmt: skip
 
     def bare(self) -> Problem:
         """Return the problem without what was kept to search faster."""

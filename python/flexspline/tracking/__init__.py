@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -34,6 +35,7 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
+from flexspline.tracking.explanations import negative, other_ranges, turned_by
 from flexspline.tracking.history import DAY, TOLD, History, history_of
 from flexspline.tracking.result import (
     CHANGED,
@@ -127,7 +129,6 @@ def track(
     turned = history.turned()
     limited = _limits(limits or {}, turned)
     told = detected(turned)
-    changes = sorted((_change(turned, each) for each in told), key=lambda c: c.date)
     courses = [_course(turned, p, told) for p in range(len(turned.names))]
     states = [_state(turned, p, courses[p], told) for p in range(len(turned.names))]
     forecasts = tuple(
@@ -137,6 +138,11 @@ def track(
     parameters = tuple(
         _parameter(turned, p, courses[p], states[p], _shown_until(turned, p, forecasts))
         for p in range(len(turned.names))
+    )
+    below = {each.name for each in parameters if each.negative}
+    made = (_change(turned, each) for each in told)
+    changes = sorted(
+        (replace(each, negative=each.parameter in below) for each in made), key=lambda c: c.date
     )
     warm = turned.knows_temperature
     accounted = warm is not None and warm.sum() >= WARM_FROM
@@ -221,6 +227,7 @@ def _change(history: History, told: Told) -> Change:
     scaled = SCALE in told.causes
     lone = scaled or np.count_nonzero(told.weights) == 1
     before_it = level if scaled else abs(level)
+    turn = turned_by(history, told)
     relative = size / before_it if lone and abs(level) > 3.0 * error else math.nan
     return Change(
         told.causes,
@@ -239,6 +246,8 @@ def _change(history: History, told: Told) -> Change:
         history.date(_told_since(made.series, history.looked_at)),
         told.evidence,
         told.needed,
+        turn,
+        other_ranges(history, told, turn is not None),
     )
 
 
@@ -290,6 +299,7 @@ def _parameter(
     left = corrected[at] - np.median(course.course(series.days), axis=0)
     measured = float(np.sqrt(np.median(series.variances)))
     spread = 1.4826 * float(np.median(np.abs(left)))
+    now = value_of(course.course(history.days[-1:])[:, 0])
     warm = course.by_temperature.size > 0
     return TrackedParameter(
         name,
@@ -297,7 +307,7 @@ def _parameter(
         state,
         len(at),
         value_of(levels[:, 0]),
-        value_of(course.course(history.days[-1:])[:, 0]),
+        now,
         value_of(course.by_temperature[:, 0] / 10.0) if warm else (math.nan, math.nan),
         float(np.sqrt(max(spread**2 - measured**2, 0.0))),
         measured,
@@ -305,6 +315,7 @@ def _parameter(
         history.values[:, p],
         corrected,
         Band(dates, middle, low, high),
+        negative(history, name, now),
     )
 
 

@@ -346,12 +346,16 @@ def drawn(history: History, change: Told, rng: np.random.Generator) -> Posterior
 
 @dataclass(frozen=True, eq=False)
 class _Moved:
-    """By how much a number changed with a shape: size and error, level before, rest (S,)."""
+    """By how much a number changed with a shape: size and error, level before, rest (S,).
+
+    `covariance`: (2, 2) of level and size.
+    """
 
     size: float
     error: float
     level: float
     left: Array
+    covariance: Array
 
 
 def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Moved:
@@ -366,8 +370,8 @@ def _moved(history: History, weights: Array, shape: Shape, known: Sequence[Shape
     series = series.beside(*known)
     width = series.covariates.shape[1] + 1
     if len(at) < width + 2:
-        return _Moved(0.0, np.inf, 0.0, left)
-    best: tuple[float, Array, float, Array] | None = None
+        return _Moved(0.0, np.inf, 0.0, left, np.diag([np.inf, np.inf]))
+    best: tuple[float, Array, Array, Array] | None = None
     for noise in NOISES:
         values, columns = series.white(noise, (shape,))
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -379,11 +383,13 @@ def _moved(history: History, weights: Array, shape: Shape, known: Sequence[Shape
         log_det = float(np.linalg.slogdet(series.covariance(noise))[1])
         likely = -0.5 * (len(at) * np.log(scale) + float(rest @ rest) / scale + log_det)
         if best is None or likely > best[0]:
-            error = float(np.sqrt(scale * max(inverse[-1, -1], 0.0)) / size[-1])
-            best = likely, slopes / size, error, rest / np.sqrt(scale)
+            ends = np.ix_([0, -1], [0, -1])
+            both = scale * inverse[ends] / np.outer(size, size)[ends]
+            best = likely, slopes / size, both, rest / np.sqrt(scale)
     assert best is not None
-    _, found, error, left[at] = best
-    return _Moved(float(found[-1]), error if error > 0.0 else np.inf, float(found[0]), left)
+    _, found, both, left[at] = best
+    error = float(np.sqrt(max(both[1, 1], 0.0)))
+    return _Moved(float(found[-1]), error if error > 0.0 else np.inf, float(found[0]), left, both)
 
 
 @dataclass(frozen=True, eq=False)

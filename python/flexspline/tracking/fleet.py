@@ -25,7 +25,7 @@ from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
 from flexspline.progress import Progress
 from flexspline.tracking import HORIZON, track
-from flexspline.tracking.history import History
+from flexspline.tracking.history import History, ranges_by_channel
 from flexspline.tracking.result import Change, Track, day, days_of, spoken
 
 if TYPE_CHECKING:
@@ -260,4 +260,6 @@ def history_of_sums(runs: Sequence[RunSums], plan: Plan) -> History:
         tuple(run.run for run in kept),
         kept[0].unit,
         tuple(remarks),
+        ranges=ranges_by_channel([run.ranges for run in kept]),
+        target=plan.target,
     )

@@ -43,6 +43,7 @@ __all__ = [
     "cause_of",
     "history_of",
     "is_model",
+    "ranges_by_channel",
 ]
 
 Array = NDArray[np.float64]
@@ -79,6 +80,9 @@ class History:
     joint : its name.
     remarks : what was left out, in sentences.
     among : joints that are looked at together: of many, one shows more by chance.
+    ranges : by channel that the effects read, (S, 2): lowest and highest value of each session, NaN
+        where it is not known.
+    target : what the parameters explain, or "".
 
     Raises
     ------
@@ -97,6 +101,8 @@ class History:
     joint: str = ""
     remarks: tuple[str, ...] = field(default=())
     among: int = 1
+    ranges: Mapping[str, Array] = field(default_factory=dict)
+    target: str = ""
 
     def __post_init__(self) -> None:
         dates = np.asarray(self.dates, dtype="datetime64[s]")
@@ -119,6 +125,7 @@ class History:
             ("temperatures", warm.shape, (count,)),
             ("units", (len(self.units),), (width,)),
             ("labels", (len(labels),), (count,)),
+            *((f"ranges of {n}", np.shape(ends), (count, 2)) for n, ends in self.ranges.items()),
         ):
             if has != is_to:
                 raise InputError(
@@ -137,6 +144,7 @@ class History:
             ("covariance", covariance[order]),
             ("temperatures", warm[order]),
             ("labels", tuple(labels[k] for k in order)),
+            ("ranges", {name: ends[order] for name, ends in self.ranges.items()}),
         ):
             object.__setattr__(self, name, made)
 
@@ -210,6 +218,7 @@ class History:
             covariance=self.covariance[at],
             temperatures=self.temperatures[at],
             labels=tuple(self.labels[k] for k in at),
+            ranges={name: ends[at] for name, ends in self.ranges.items()},
         )
 
     def only(self, which: Sequence[int]) -> History:
@@ -304,6 +313,13 @@ def cause_of(name: str) -> str:
     return name if word else effect
 
 
+def ranges_by_channel(sessions: Sequence[Mapping[str, Sequence[float]]]) -> dict[str, Array]:
+    """Return the ranges (S, 2) of each channel that a session tells."""
+    unknown = (np.nan, np.nan)
+    names = sorted({name for each in sessions for name in each})
+    return {name: np.array([each.get(name, unknown) for each in sessions]) for name in names}
+
+
 def _numbers(given: ArrayLike, what: str) -> Array:
     try:
         return np.array(given, dtype=np.float64)
@@ -323,6 +339,8 @@ class _Estimates:
     covariance: Array
     temperature: float
     shapes: Mapping[str, float]
+    ranges: Mapping[str, Sequence[float]]
+    target: str
 
 
 @dataclass(frozen=True)
@@ -573,6 +591,8 @@ def _of_part(label: str, when: datetime, part: Part, temperature: float) -> _Est
         covariance,
         temperature,
         _shapes(part),
+        part.record.get("validity", {}),
+        part.target,
     )
 
 
@@ -610,6 +630,8 @@ def _joined(made: Sequence[_Estimates], joint: str, remarks: Sequence[str]) -> H
         tuple(each.label for each in made),
         joint,
         tuple(said),
+        ranges=ranges_by_channel([each.ranges for each in made]),
+        target=made[0].target,
     )
 
 

@@ -19,6 +19,7 @@ from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import plus_minus, short, short_names
 from flexspline.lazy import Rendered, render
+from flexspline.model import no_drive_has
 from flexspline.schema import checked_json
 from flexspline.tracking.attribution import SCALE
 from flexspline.tracking.changes import (
@@ -29,6 +30,7 @@ from flexspline.tracking.changes import (
     SETTLING,
     STEP,
 )
+from flexspline.tracking.explanations import OtherRange, Turned
 
 if TYPE_CHECKING:
     import pandas
@@ -61,6 +63,15 @@ AS_UPPER = (
 WHOLE = (
     ": friction and what it carries changed by one share, which what the torque is measured with "
     "explains, such as the torque constant or the current sensor."
+)
+RISES, FALLS, TURNS = ("rises", "rose"), ("falls", "fell"), ("turns", "turned")
+TURNED = (
+    ", and its amplitude stayed: no mass changed, but the zero of the encoder moved, or the axis "
+    "was mounted otherwise."
+)
+OTHERWISE = (
+    "At the same time the sessions ran differently ({}): a form that the model lacks is likelier "
+    "than a change of the joint."
 )
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
@@ -101,6 +112,7 @@ class TrackedParameter:
     values : (S,) as measured, NaN where a session does not tell it; `corrected`: what they would be
         at the reference temperature.
     band : of its level.
+    negative : what it is below zero that no drive has, friction or inertia, or "".
     """
 
     name: str
@@ -116,6 +128,7 @@ class TrackedParameter:
     values: Array
     corrected: Array
     band: Band
+    negative: str = ""
 
     @property
     def differs(self) -> bool:
@@ -155,6 +168,9 @@ class Change:
     per_year : how fast it goes on at the last session; 0 of a step.
     told_since : the session at which it could first be told.
     evidence, needed : ln B and what it must exceed.
+    turned : by how much gravity turned, where that is all that it did.
+    ranges : channels whose ranges changed at the same sessions: the likelier cause.
+    negative : whether its level is now below zero, which no drive has.
     """
 
     causes: tuple[str, ...]
@@ -173,6 +189,9 @@ class Change:
     told_since: datetime
     evidence: float
     needed: float
+    turned: Turned | None = None
+    ranges: tuple[OtherRange, ...] = ()
+    negative: bool = False
 
     @property
     def known(self) -> bool:
@@ -186,13 +205,27 @@ class Change:
 
     @property
     def sentence(self) -> str:
+        """What changed, since when and by how much, and what explains it rather."""
+        if not self.ranges:
+            return self._changed
+        ran = listed(f"{each.channel} from {each.new}, before {each.old}" for each in self.ranges)
+        return f"{self._changed} {OTHERWISE.format(ran)}"
+
+    @property
+    def _changed(self) -> str:
         """What changed, since when and by how much."""
         if self.scaled:
-            return f"{self._what('The torque as a whole', self._share, self.relative > 0.0)}{WHOLE}"
+            way = RISES if self.relative > 0.0 else FALLS
+            return f"{self._what('The torque as a whole', self._share, way)}{WHOLE}"
+        name = spoken(self.parameter)
+        if self.turned is not None:
+            angle = f"{plus_minus(self.turned.degrees, self.turned.error)}°"
+            name = f"The direction of {name.partition('.')[0]}"
+            return f"{self._what(name, angle, TURNS)}{TURNED}"
         size = in_unit(plus_minus(abs(self.size), self.error), self.unit)
         if abs(self.relative) <= MOST_RELATIVE:
             size += f" ({_percent(self.relative, '+')})"
-        what = self._what(spoken(self.parameter), size, self.size > 0.0)
+        what = self._what(name, size, RISES if self.size > 0.0 else FALLS)
         if self.known:
             return f"{what}."
         others = listed(
@@ -207,21 +240,19 @@ class Change:
         error = abs(self.relative * self.error / self.size)
         return f"{plus_minus(100.0 * abs(self.relative), 100.0 * error)} %"
 
-    def _what(self, name: str, size: str, up: bool) -> str:
+    def _what(self, name: str, size: str, way: tuple[str, str]) -> str:
         """What a name did, since when and by how much."""
         first, last = (day(each) for each in self.between)
         about = f"{day(self.date)}" + (f" ({first} to {last})" if first != last else "")
-        faster = f"{name} {'rises' if up else 'falls'} ever faster since {about}, by {size} so far"
+        does, did = way
+        faster = f"{name} {does} ever faster since {about}, by {size} so far"
         return {
-            STEP: f"{name} {'rose' if up else 'fell'} at once by {size} about {about}",
-            RAMP: f"{name} {'rises' if up else 'falls'} since {about}, by {size} so far",
+            STEP: f"{name} {did} at once by {size} about {about}",
+            RAMP: f"{name} {does} since {about}, by {size} so far",
             ACCELERATING: faster,
             RUNNING_AWAY: faster,
-            SETTLING: f"{name} {'rose' if up else 'fell'} since {about} by {size} and settles",
-        }.get(
-            self.kind or "",
-            f"{name} {'rose' if up else 'fell'} by {size} since {about}; {self._open}",
-        )
+            SETTLING: f"{name} {did} since {about} by {size} and settles",
+        }.get(self.kind or "", f"{name} {did} by {size} since {about}; {self._open}")
 
     @property
     def _open(self) -> str:
@@ -233,8 +264,15 @@ class Change:
     @property
     def needs(self) -> str:
         """What the joint needs."""
+        if self.ranges:
+            ran = listed(f"{each.channel} from {each.old}" for each in self.ranges)
+            return f"sessions that run as before ({ran}) to tell whether it changed at all"
+        if self.negative:
+            return f"another model, for its {spoken(self.parameter)} is none that a drive has"
         if self.scaled:
             return "a look at its torque constant and current sensor"
+        if self.turned is not None:
+            return "a look at the zero of its encoder and at how its axis is mounted"
         return needed_by(self.parameter.partition(".")[0]) if self.known else ""
 
 
@@ -371,6 +409,12 @@ class Track(Rendered):
             named = {change.parameter for change in self.changes}
             more = [p for p in self.parameters if p.state == CHANGED and p.name not in named]
             said += [p.sentence for p in more]
+        said += [
+            f"{spoken(p.name)}, now {in_unit(plus_minus(*p.now), p.unit)}, "
+            f"{no_drive_has(p.negative)}: the model lacks a form that these sessions show."
+            for p in self.parameters
+            if p.negative
+        ]
         said += [forecast.sentence for forecast in self.forecasts]
         limited = {forecast.parameter for forecast in self.forecasts}
         lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
