@@ -30,13 +30,13 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed, number
-from flexspline.estimation.doubts import doubts_of
 from flexspline.estimation.plan import (
     FORGOTTEN,
     OBSERVERS,
     READINGS,
     Plan,
     adapted_units,
+    doubts_of,
     joint_limits,
     made_by,
     plan_of,

@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.lazy import attached
 from flexspline.least_squares.options import resolve
-from flexspline.tracking.attribution import SCALE, Told, detected, drawn, moved, moves
+from flexspline.tracking.attribution import (
+    SCALE,
+    Told,
+    detected,
+    drawn,
+    moved,
+    moves,
+    negative,
+    other_ranges,
+    turned_by,
+)
 from flexspline.tracking.changes import (
     INTERVAL,
     LEAST_SESSIONS,
@@ -35,7 +45,6 @@ from flexspline.tracking.changes import (
     threshold,
     value_of,
 )
-from flexspline.tracking.explanations import negative, other_ranges, turned_by
 from flexspline.tracking.history import DAY, TOLD, History, history_of
 from flexspline.tracking.result import (
     CHANGED,

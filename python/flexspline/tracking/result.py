@@ -21,7 +21,7 @@ from flexspline.formatting import plus_minus, short, short_names
 from flexspline.lazy import Rendered, render
 from flexspline.model import no_drive_has
 from flexspline.schema import checked_json
-from flexspline.tracking.attribution import SCALE
+from flexspline.tracking.attribution import SCALE, OtherRange, Turned
 from flexspline.tracking.changes import (
     ACCELERATING,
     LEAST_SESSIONS,
@@ -30,7 +30,6 @@ from flexspline.tracking.changes import (
     SETTLING,
     STEP,
 )
-from flexspline.tracking.explanations import OtherRange, Turned
 
 if TYPE_CHECKING:
     import pandas
