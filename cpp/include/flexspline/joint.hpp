@@ -281,15 +281,14 @@ struct Joint {
 
   /// The load whose scale and bend by the sensor leave `left`, see above; NaN stays NaN.
   constexpr S behind_gain(Sample<S> at, S left) const noexcept {
-    const auto seen = [&](S load) {
-      at.known_load = load;
-      evaluation::prepare(sensor, at);
-      return sensor.by_load(at);
-    };
-    const S none = seen(S(0));
+    at.known_load = S(0);
+    evaluation::prepare(sensor, at);
+    const S own = at.load;  // inertia and gravity of the sensor's part
+    const S none = sensor.by_load(at);
     S load = left;
     for (int round = 0; round < gain_rounds; ++round) {
-      const S more = seen(load) - none;
+      at.load = own + load;
+      const S more = sensor.by_load(at) - none;
       load = left / std::max(S(1) + (load == S(0) ? S(0) : more / load), least_gain);
     }
     return load;
