@@ -23,7 +23,7 @@ from flexspline.discovery.basis import (
     flexible_basis,
     state_functions,
 )
-from flexspline.discovery.candidates import Candidate
+from flexspline.discovery.candidates import Candidate, OfBase
 from flexspline.discovery.evidence import (
     Dictionary,
     Offer,
@@ -178,7 +178,7 @@ def rivals_of(
             left=float(np.sqrt(max(kept - len(effect.terms), 0.0))),
             adds=float(np.sqrt(max(more - len(offer.columns), 0.0))),
             form=form, moved=moved, tied=_tie(offer.effect, effect, tied),
-            more=offer.effect.name in [e.name for e in work.effects],
+            more=offer.effect.name in [e.info.name for e in work.effects],
         )  # fmt: skip
         allowed = [""]
         if trial is None and rival.alias:
@@ -216,7 +216,8 @@ def _more_orders(
     pole pairs or slots claim is cogging, or the overtone of a larger order of the wave generator.
     """
     context, more = searcher.context, list[Candidate]()
-    for other in (e for e in work.effects if e.harmonics and e.name != effect.name):
+    others = (e for e in work.effects if e.harmonics and not isinstance(e, OfBase))
+    for other in (e for e in others if e.name != effect.name):
         rest = [e for e in work.effects if e.name not in (effect.name, other.name)]
         new = context.orders_of([other.name], rest).get(other.name, ())
         own = dict.fromkeys([*new, *_overtones(work, effect, other)])

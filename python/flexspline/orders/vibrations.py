@@ -361,11 +361,11 @@ def _vibration(line: Line, pieces: Sequence[_Piece]) -> Vibration | None:
     noise = np.array([one.noise for one in pieces])
     power = np.array([one.power for one in pieces]) - noise
     weight = even_weights(power, noise)
-    square = float(weight @ power)
+    square = max(float(weight @ power), 0.0)
     level = _level(len(pieces))
     of = sum(one in shown or _surprise(square, one.noise) > level for one in pieces)
     orders = [2.0 * np.pi * line.order / one.speed for one in shown]
-    amplitude = float(np.sqrt(max(square, 0.0)))
+    amplitude = float(np.sqrt(square))
     error = float(np.sqrt(weight**2 @ noise / 2))
     if len(shown) < SEEN * of or amplitude <= CLEAR * error or not _apart(shown, orders):
         return None
