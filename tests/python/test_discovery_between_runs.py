@@ -7,6 +7,7 @@ import pytest
 
 import flexspline
 from flexspline.discovery.result import BY_RUN
+from flexspline.discovery.unexplained import _of_each_run
 from flexspline.logs.log import Log
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
@@ -59,3 +60,21 @@ def test_what_differs_between_runs_is_said_and_is_no_noise(
 def test_runs_that_are_alike_differ_in_nothing() -> None:
     made = flexspline.discover(BASE, runs([3.0] * 4, [0.2] * 4), target="sensor_torque")
     assert made.names == () and made.unexplained is None and made.vibrations == ()
+
+
+@pytest.mark.parametrize("own", [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [1, 1, 0, 0]])
+def test_what_sizes_of_each_run_explain_is_that_of_least_squares(own: list[int]) -> None:
+    generator, mask = np.random.default_rng(0), np.array(own, dtype=bool)
+    columns = generator.normal(size=(3, 50, 4))
+    target = generator.normal(size=(3, 50)) + columns[..., 1] * np.arange(3)[:, None]
+    both = np.concatenate([columns, target[..., None]], axis=2)
+    flat, stacked = both.reshape(-1, 5), np.zeros((150, 3 * mask.sum()))
+    for run in range(3):
+        at = slice(run * mask.sum(), (run + 1) * mask.sum())
+        stacked[50 * run : 50 * (run + 1), at] = columns[run][:, mask]
+    left = [
+        np.linalg.lstsq(x, flat[:, 4])[1][0]
+        for x in (flat[:, :4], np.column_stack([flat[:, :4][:, ~mask], stacked]))
+    ]
+    products = np.swapaxes(both, 1, 2) @ both
+    assert _of_each_run(products, mask) == pytest.approx(left[0] - left[1], rel=1e-9)

@@ -455,14 +455,11 @@ class _Recorded:
 
     def posed(self, work: CandidateModel, free: Sequence[str]) -> Posed:
         """The fit of a model; `free`: what its base was given."""
-        fixed, problem, base = (
-            self.task.fixed,
-            self.problem(work.effects),
-            work.effects[: work.base],
-        )
+        problem, base = self.problem(work.effects), work.effects[: work.base]
         hidden = {**unseen_of(work.named, problem), **held_powers(work)}
         held = {**hidden, **self._held(base, free, problem)}
         springs = spring_bounds(work, self.task.target)
+        fixed = self.task.fixed
         allowed = {name: limits for name, limits in springs.items() if name not in fixed}
         return problem, work.effects, held, allowed
 

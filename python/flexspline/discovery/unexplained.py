@@ -372,10 +372,9 @@ def _by_runs(problem: Problem, work: CandidateModel) -> Array:
 
 def _of_each_run(products: Array, own: NDArray[np.bool_]) -> float:
     """Squares that some columns explain with coefficients of each run, beyond common ones."""
-    every, other = np.arange(len(own)), np.arange(np.count_nonzero(~own))
-    common = left_by(products.sum(axis=0), every)[-1, -1]
-    left = sum(left_by(one, np.flatnonzero(own)) for one in products)
-    return float(common - left_by(np.asarray(left), other)[-1, -1])
+    common = left_by(products.sum(axis=0), np.arange(len(own)))[-1, -1]
+    left = left_by(products, np.flatnonzero(own)).sum(axis=0)
+    return float(common - left_by(left, np.flatnonzero(~own))[-1, -1])
 
 
 @dataclass(frozen=True)
