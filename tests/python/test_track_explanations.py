@@ -71,8 +71,8 @@ def other_motion(week: int, viscous: float = -4.0, **more: object) -> Track:
     )  # fmt: skip
 
 
-def test_a_motion_that_changed_with_the_parameter_is_the_likelier_cause() -> None:
-    made = other_motion(40)
+def test_a_motion_that_changed_with_a_level_that_no_drive_has_is_the_likelier_cause() -> None:
+    made = other_motion(40, target="motor_torque")
     (change,) = made.changes
     (other,) = change.ranges
     assert other.channel == "output_velocity" and other.unit == "rad/s"
@@ -81,6 +81,15 @@ def test_a_motion_that_changed_with_the_parameter_is_the_likelier_cause() -> Non
     assert "lubricant" not in made.verdict and "sessions that run as before" in made.verdict
     (told,) = json.loads(made.to_json())["changes"]
     assert told["ranges"][0]["channel"] == "output_velocity"
+
+
+def test_a_motion_that_changed_with_friction_may_be_its_cause_or_come_of_it() -> None:
+    """Friction that grows slows a joint that is driven by a torque."""
+    made = other_motion(40, 4.0, target="motor_torque")
+    (change,) = made.changes
+    assert change.ranges and not change.negative and not change.misled
+    assert "may be why it seems to change, or what comes of it" in change.sentence
+    assert "lubricant" in made.verdict and "sessions that run as before" in made.verdict
 
 
 @pytest.mark.parametrize("week", [10, 25, 55, 80])

@@ -149,9 +149,11 @@ def track(
         for p in range(len(turned.names))
     )
     below = {each.name for each in parameters if each.negative}
-    made = (_change(turned, each) for each in told)
+    made = [_change(turned, each) for each in told]
+    made = [replace(each, negative=each.parameter in below) for each in made]
+    misled = any(each.negative and each.ranges for each in made)
     changes = sorted(
-        (replace(each, negative=each.parameter in below) for each in made), key=lambda c: c.date
+        (replace(each, misled=misled and bool(each.ranges)) for each in made), key=lambda c: c.date
     )
     warm = turned.knows_temperature
     accounted = warm is not None and warm.sum() >= WARM_FROM

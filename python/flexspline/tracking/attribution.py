@@ -39,8 +39,9 @@ leaves its length. With (A, Q) before a change and (A', Q') at the last session
 each with the errors of both, to first order.
 
 A form that the model lacks, such as friction that grows towards standstill, goes into the terms
-that it has, by how fast, how far or how loaded the sessions run. So where the range of a channel
-changed with a parameter, at the same sessions, that is the likelier cause.
+that it has, by how fast, how far or how loaded the sessions run; and friction that grew slows a
+joint that is driven by a torque. So where the range of a channel changed with a parameter, at the
+same sessions, either may be the cause; it is the likelier one where a level is now below zero.
 """
 
 from __future__ import annotations

@@ -68,10 +68,9 @@ TURNED = (
     ", and its amplitude stayed: no mass changed, but the zero of the encoder moved, or the axis "
     "was mounted otherwise."
 )
-OTHERWISE = (
-    "At the same time the sessions ran differently ({}): a form that the model lacks is likelier "
-    "than a change of the joint."
-)
+OTHERWISE = "At the same time the sessions ran differently ({}): "
+LIKELIER = "a form that the model lacks is likelier than a change of the joint."
+EITHER = "that may be why it seems to change, or what comes of it."
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
 FORMAT = "flexspline-track"
@@ -168,8 +167,9 @@ class Change:
     told_since : the session at which it could first be told.
     evidence, needed : ln B and what it must exceed.
     turned : by how much gravity turned, where that is all that it did.
-    ranges : channels whose ranges changed at the same sessions: the likelier cause.
+    ranges : channels whose ranges changed at the same sessions, and may be the cause.
     negative : whether its level is now below zero, which no drive has.
+    misled : whether ranges are the likelier cause: a level that changed with them is `negative`.
     """
 
     causes: tuple[str, ...]
@@ -191,6 +191,7 @@ class Change:
     turned: Turned | None = None
     ranges: tuple[OtherRange, ...] = ()
     negative: bool = False
+    misled: bool = False
 
     @property
     def known(self) -> bool:
@@ -208,7 +209,7 @@ class Change:
         if not self.ranges:
             return self._changed
         ran = listed(f"{each.channel} from {each.new}, before {each.old}" for each in self.ranges)
-        return f"{self._changed} {OTHERWISE.format(ran)}"
+        return f"{self._changed} {OTHERWISE.format(ran)}{LIKELIER if self.misled else EITHER}"
 
     @property
     def _changed(self) -> str:
@@ -263,9 +264,15 @@ class Change:
     @property
     def needs(self) -> str:
         """What the joint needs."""
-        if self.ranges:
-            ran = listed(f"{each.channel} from {each.old}" for each in self.ranges)
-            return f"sessions that run as before ({ran}) to tell whether it changed at all"
+        if not self.ranges:
+            return self._look
+        ran = listed(f"{each.channel} from {each.old}" for each in self.ranges)
+        again = f"sessions that run as before ({ran}) to tell whether it changed at all"
+        return again if self.misled or not self._look else f"{self._look}, and {again}"
+
+    @property
+    def _look(self) -> str:
+        """What it needs if all sessions ran alike."""
         if self.negative:
             return f"another model, for its {spoken(self.parameter)} is none that a drive has"
         if self.scaled:
