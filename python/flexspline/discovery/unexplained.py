@@ -342,11 +342,14 @@ def differing(problem: Problem, work: CandidateModel) -> Differing | None:
     best of all effects reaches by chance (F).
     """
     products = _by_runs(problem, work)
-    whole = float(left_by(products.sum(axis=0), np.arange(products.shape[1] - 1))[-1, -1])
+    total = products.sum(axis=0)
+    whole = float(left_by(total, np.arange(len(total) - 1))[-1, -1])
+    if whole <= SINGULAR**2 * total[-1, -1]:
+        return None  # rounding
     owners, chosen, share = np.array(work.owners()[: len(work.free)]), list[str](), 0.0
     names = list(dict.fromkeys(owners.tolist()))
     while len(chosen) < min(SETTINGS.tried, len(names)):
-        gains = {n: _of_each_run(products, np.isin(owners, [*chosen, n])) / max(whole, TINY)
+        gains = {n: _of_each_run(products, np.isin(owners, [*chosen, n])) / whole
                  for n in names if n not in chosen}  # fmt: skip
         best = max(gains, key=gains.__getitem__)
         if gains[best] - share < (SETTINGS.little if chosen else 0.5):

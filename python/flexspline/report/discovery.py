@@ -512,10 +512,10 @@ def unexplained_sentence(made: Discovery) -> str:
         what = f"what is left{weighed} depends on"
     if _unexplained_is_small(made):
         return (
-            f"Unexplained, too little to matter: less than {_small(made)} {made.unit} of the error "
-            f"depends on {listed(made.unexplained.depends_on)}, in a way that no effect of the "
-            f"catalogue is seen to have. That is {share:.0f} % of the little gap above the noise "
-            f"floor{weighed}."
+            f"Unexplained: less than {_small(made)} {made.unit} of the error, too little to "
+            f"matter, depends on {listed(made.unexplained.depends_on)}, in a way that no effect of "
+            f"the catalogue is seen to have. That is {share:.0f} % of the little gap above the "
+            f"noise floor{weighed}."
         )
     said = (
         f"Unexplained: {what} {listed(made.unexplained.depends_on)}, in a way that no effect of "
