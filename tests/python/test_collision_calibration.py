@@ -182,12 +182,15 @@ def pushed_joint(seed, push=0.0):
     )
 
 
-def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
+def observed_joint():
     effects = (effect("viscous_friction"), effect("inertia"))
     part = Part("motor_torque", effects, np.array([0.8, 0.3]))
-    model = Model({"drive": part}, {"gear_ratio": 100.0}).with_estimator(
-        Observer(20.0, "motor_torque")
-    )
+    model = Model({"drive": part}, {"gear_ratio": 100.0})
+    return model.with_estimator(Observer(20.0, "motor_torque"))
+
+
+def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
+    model = observed_joint()
     quiet = [pushed_joint(1), pushed_joint(2)]
     detector = calibrate_detector(quiet, model=model, false_alarms_per_hour=20.0)
     whole = model.with_estimator(detector.collision(1))
@@ -202,11 +205,7 @@ def test_a_detector_from_logs_and_a_model_runs_inside_the_model():
 
 def test_a_rate_that_was_stated_with_a_recorded_velocity_is_doubted_with_a_derived_one():
     """2 alarms per hour became 463 in half an hour where a log lacked the column."""
-    effects = (effect("viscous_friction"), effect("inertia"))
-    part = Part("motor_torque", effects, np.array([0.8, 0.3]))
-    model = Model({"drive": part}, {"gear_ratio": 100.0}).with_estimator(
-        Observer(20.0, "motor_torque")
-    )
+    model = observed_joint()
     quiet = [pushed_joint(1), pushed_joint(2)]
     bare = [log.without(["output_velocity"], ["no velocity"]) for log in quiet]
 

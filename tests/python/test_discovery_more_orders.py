@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import flexspline
+from flexspline.discovery.assemble import _as_read
 from flexspline.discovery.candidates import OF_BASE
 from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect, effect
+from flexspline.experiment.plan import Outlook, Plan
 from flexspline.logs.log import Log
 from flexspline.report.discovery import discovery_call
 
@@ -85,6 +88,15 @@ def test_an_order_that_a_ripple_of_the_base_lacks_is_found_under_its_name(
     assert fixed == {*held}
     (extended,) = [e for e in made.model.part().effects if e.name == known.name]
     assert sorted(k for k, _ in extended.harmonics) == sorted([known.harmonics[0][0], order])
+
+
+def test_a_plan_names_the_ripple_of_the_base_as_its_user_does() -> None:
+    told = f"wave_generator_ripple{OF_BASE}.sine 2"
+    outlook = Outlook((told,), 1.0, 0.1, "Nm", 0.0, None)
+    plan: Any = Plan(f"It determines {told}.", None, (outlook,), {}, None)  # type: ignore[arg-type]
+    made = _as_read(plan)
+    assert made is not None and made.sentence == "It determines wave_generator_ripple.sine 2."
+    assert made.outlooks[0].names == ("wave_generator_ripple.sine 2",)
 
 
 def test_a_ripple_that_has_its_orders_lacks_none() -> None:

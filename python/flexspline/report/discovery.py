@@ -229,7 +229,7 @@ def _nothing_named(made: Discovery, said: str, other: str) -> tuple[str, str]:
     if made.doubted:
         return f"These runs do not tell what{other} {said} lacks, if anything", ""
     if little:
-        unexplained = f", of which less than {_small(made)} {made.unit} is unexplained"
+        unexplained = f", of which {_small(made)} {made.unit} is unexplained"
         return f"Nothing{other} that matters is missing in {said}", unexplained
     return (
         f"Nothing{other} is missing in {said} that these runs show",
@@ -291,7 +291,9 @@ def _unexplained_is_small(made: Discovery) -> bool:
 
 
 def _small(made: Discovery) -> str:
-    return short(max(SETTINGS.negligible * made.final_rmse, made.final_rmse - made.noise_floor))
+    """How much of the error is unexplained, where that is little."""
+    least, left = SETTINGS.negligible * made.final_rmse, made.final_rmse - made.noise_floor
+    return f"about {short(left)}" if left >= least else f"less than {short(least)}"
 
 
 def _floor_words(made: Discovery) -> str:
@@ -512,7 +514,7 @@ def unexplained_sentence(made: Discovery) -> str:
         what = f"what is left{weighed} depends on"
     if _unexplained_is_small(made):
         return (
-            f"Unexplained: less than {_small(made)} {made.unit} of the error, too little to "
+            f"Unexplained: {_small(made)} {made.unit} of the error, too little to "
             f"matter, depends on {listed(made.unexplained.depends_on)}, in a way that no effect of "
             f"the catalogue is seen to have. That is {share:.0f} % of the little gap above the "
             f"noise floor{weighed}."
