@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <vector>
 
 #include "host/samples.hpp"
@@ -23,6 +24,7 @@ void bind_catalogue(py::module_& module);
 void bind_design(py::module_& module);
 void bind_screening(py::module_& module);
 void bind_solve(py::module_& module);
+void bind_filters(py::module_& module);
 void bind_estimators(py::module_& module);
 void bind_joint(py::module_& module);
 void bind_stages(py::module_& module);
@@ -30,6 +32,11 @@ void bind_sensor(py::module_& module);
 void bind_full_range(py::module_& module);
 void bind_simulation(py::module_& module);
 void bind_forward(py::module_& module);
+
+/// Refuses what a caller may not give.
+inline void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
+}
 
 /// Channels by name, held together with the arrays that they point into.
 struct Borrowed {

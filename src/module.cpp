@@ -8,6 +8,7 @@ PYBIND11_MODULE(_core, module) {
   bind_design(module);
   bind_screening(module);
   bind_solve(module);
+  bind_filters(module);
   bind_estimators(module);
   bind_joint(module);
   bind_stages(module);

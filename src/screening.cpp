@@ -17,10 +17,6 @@ using Run = std::tuple<std::size_t, py::dict, Array, std::optional<FortranArray>
                        std::vector<std::tuple<std::size_t, std::size_t, std::vector<double>>>,
                        std::vector<std::size_t>>;
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
 batch::Mixture mixture_from(const Shares& shares, std::size_t parts) {
   batch::Mixture mixture;
   for (const auto& [part, weight] : shares) {

@@ -288,6 +288,17 @@ def gauge_sensitivity(
 def isa() -> str:
     """Name of the instruction set in use: 'baseline', 'v3' or 'v4'."""
 
+def local_weights(
+    time: ArrayLike,
+    rows: ArrayLike,
+    first: ArrayLike,
+    last: ArrayLike,
+    sigma: ArrayLike,
+    degree: int,
+    derivative: int,
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
+    """Weights of polynomials fitted around rows, as (data, indices, indptr) of a sparse matrix."""
+
 def merge(
     high: ArrayLike, low: ArrayLike, chosen: Sequence[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -465,3 +476,11 @@ def wave_generator_torsion(
     motor_torque: ArrayLike, *, stiffness: float, shape: float
 ) -> NDArray[np.float64]:
     """Torsion of the wave generator [rad at the motor] under a motor torque [Nm at the motor]."""
+
+def whiten(
+    columns: NDArray[np.float64],
+    whitening: ArrayLike,
+    every: int,
+    out: NDArray[np.float64],
+) -> None:
+    """Filter one row of `every` of columns (N, C) into `out`, columns of neighbouring rows."""

@@ -22,7 +22,7 @@ import numpy as np
 from flexspline.errors import InputError, number
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise, is_only_noise
 from flexspline.logs.checks.consistency import is_delay, velocity_delay
-from flexspline.logs.derive import differentiate, lowpass_log
+from flexspline.logs.derive import derivative, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, emptied, is_read
 from flexspline.parallel import in_order
@@ -86,9 +86,8 @@ class Preparation:
         if self.source not in log or note in log.history:
             return log
         if self.source != self.channel:
-            names = (VELOCITY, ACCELERATION) if self._twice else (self.channel,)
-            made = differentiate(log, bandwidth=self.bandwidth, of=self.source, channels=names)
-            return log.with_columns({self.channel: made[self.channel]}, note=note)
+            made = derivative(log, self.source, 2 if self._twice else 1, self.bandwidth)
+            return log.with_columns({self.channel: made}, note=note)
         values = np.array(log[self.channel])
         lost = ~np.isfinite(values)
         if lost.all():
@@ -311,12 +310,12 @@ def _late_motion(log: Log, bandwidth: float) -> tuple[float, float]:
     """Sums of (shortfall · acceleration) and of acceleration², once for each log and bandwidth."""
     kept = _LATE.setdefault(log, {})
     if bandwidth not in kept:
-        made = differentiate(log, bandwidth=bandwidth)
         smooth = lowpass_log(log, bandwidth, (VELOCITY,))
-        short = made[VELOCITY] - smooth[VELOCITY]
-        seen = np.isfinite(short) & np.isfinite(made[ACCELERATION])
-        slope = made[ACCELERATION][seen]
-        kept[bandwidth] = float(short[seen] @ slope), float(slope @ slope)
+        velocity, slope = (derivative(log, POSITION, order, bandwidth) for order in (1, 2))
+        short = velocity - smooth[VELOCITY]
+        seen = np.isfinite(short) & np.isfinite(slope)
+        short, slope = short[seen], slope[seen]
+        kept[bandwidth] = float(short @ slope), float(slope @ slope)
     return kept[bandwidth]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 import pytest
@@ -71,3 +71,19 @@ def test_stretches_too_short_for_the_filter_to_start_are_left_out() -> None:
     run = cast(Any, SimpleNamespace(stretches=[(0, 100), (100, 105), (105, 105), (105, 300)]))
     white = Whitening(np.array([1.0, -0.5, 0.1]), 1.0, 1)
     assert [(rows[0], rows[-1]) for rows in white.taken(run)] == [(0, 99), (105, 299)]
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.parametrize("terms", [1, 2, 6, 17])
+def test_columns_are_filtered_as_numpy_filters_each_of_them(
+    order: Literal["C", "F"], every: int, terms: int
+) -> None:
+    random = np.random.default_rng(terms)
+    columns = np.array(random.normal(size=(201, 3)), order=order)
+    filter_ = Whitening(np.append(1.0, random.normal(size=terms - 1)), 1.0, every)
+    made, rows = filter_.stretches([((20, 221), columns)], 3)
+    np.testing.assert_array_equal(rows, np.arange(20, 221, every)[terms - 1 :])
+    for column, own in zip(columns[::every].T, made.T, strict=True):
+        whole = np.convolve(column, filter_.denominator, "valid")
+        np.testing.assert_allclose(own, whole, rtol=1e-12, atol=1e-12)

@@ -168,6 +168,19 @@ class Overlap:
     def __init__(self, bound: FunctionTable, columns: list[Array], owners: Sequence[str]) -> None:
         self.bound, self.columns, self.chosen = bound, columns, list[int]()
         self.owners = np.array(owners, dtype=str)
+        self._across = self._towards(columns)
+
+    def take(self, group: int) -> None:
+        """Take a group of functions to the model."""
+        at = self.bound.at[group]
+        more = self._towards([self.bound.part(fold, at) for fold in self.bound.folds])
+        self._across = np.column_stack([self._across[:, :-1], more, self._across[:, -1]])
+        self.chosen.append(group)
+
+    def _towards(self, columns: Sequence[Array]) -> Array:
+        """Products over σ² of all functions and some columns (n, K) of each fold: (C, K)."""
+        every = [self.bound.part(fold) for fold in self.bound.folds]
+        return np.asarray(self.bound.over_noise(every, columns).sum(axis=0))
 
     def _with(self, *more: int) -> list[Array]:
         """[Model, functions taken, and more, target] of each fold."""
@@ -179,9 +192,8 @@ class Overlap:
 
     def gains(self) -> list[tuple[float, int]]:
         """Squares over σ² that each group explains beside the model, and columns seen."""
-        own, bound = self._with(), self.bound
+        own, bound, across = self._with(), self.bound, self._across
         inside = bound.over_noise(own, own).sum(axis=0)
-        across = bound.over_noise([bound.part(f) for f in bound.folds], own).sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(inside)[:-1], TINY))
         products = inside[:-1, :-1] / np.outer(scale, scale)
         inverse = np.linalg.pinv(products, SINGULAR, hermitian=True)
@@ -239,7 +251,7 @@ def leftover_in(some: FunctionTable, work: CandidateModel) -> Leftover:
         if best is None:
             break
         above += best[1]
-        overlap.chosen.append(best[0])
+        overlap.take(best[0])
     return _summary(overlap, work, above)
 
 

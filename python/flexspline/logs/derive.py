@@ -104,10 +104,8 @@ def differentiate(
     if not 1 <= len(channels) <= 2:
         raise InputError(f"{log.name}: give one or two channels for the derivatives of {of}.")
     chosen = default_bandwidth(time, values) if bandwidth is None else bandwidth
-    require_bandwidth(chosen, log.rate, f"{log.name}, derivative of {of}")
     found = {
-        name: _by_run(LocalFit(chosen, order), time, values)
-        for order, name in enumerate(channels, start=1)
+        name: derivative(log, of, order, chosen) for order, name in enumerate(channels, start=1)
     }
     why = "" if bandwidth is not None else ", chosen from rate and noise"
     note = (
@@ -119,6 +117,18 @@ def differentiate(
     if lost:
         note += f"; {_count(lost, 'row')} NaN in runs too short for a derivative"
     return log.with_columns(found, note=note)
+
+
+def derivative(log: Log, of: str, order: int, bandwidth: float) -> Array:
+    """Return the first or second derivative (N,) of a channel, without phase, -3 dB at `bandwidth`.
+
+    Raises
+    ------
+    InputError : time does not increase, the channel holds NaN, or the bandwidth does not suit.
+    """
+    time, values = _usable(log, of)
+    require_bandwidth(bandwidth, log.rate, f"{log.name}, derivative of {of}")
+    return _by_run(LocalFit(bandwidth, order), time, values)
 
 
 def default_bandwidth(time: Array, values: Array) -> float:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import _core
 from flexspline.errors import InputError, number
 
 if TYPE_CHECKING:  # SciPy's parts take long to import: where they are used
@@ -229,27 +230,13 @@ class LocalFit:
         window: tuple[NDArray[np.intp], NDArray[np.intp]],
         degree: int,
     ) -> csr_array:
-        """Weights of a fit around some rows, one offset of the window at a time for all of them."""
+        """Weights of a fit around some rows, each with a window of its own."""
         from scipy.sparse import csr_array
 
         first, last = self._widened(rows, window, degree, len(time))
         sigma = np.maximum(WIDTH / self.bandwidth, (time[last - 1] - time[first]) / (2 * REACH))
-        spans = range(int(np.max(last - first)))
-        moments = np.zeros((len(rows), 2 * degree + 1))
-        for k in spans:
-            x, weight, _ = _neighbour(time, rows, first + k, last, sigma)
-            for power in range(2 * degree + 1):
-                moments[:, power] += weight
-                weight = weight * x
-        scale = (WIDTH / self.bandwidth / sigma) ** self.derivative
-        coefficients = (self._solve(moments, degree) * scale[:, None]).T
-        values, columns = np.empty((2, len(rows), len(spans)))
-        for k in spans:
-            x, weight, columns[:, k] = _neighbour(time, rows, first + k, last, sigma)
-            values[:, k] = weight * np.polynomial.polynomial.polyval(x, coefficients, tensor=False)
-        ends = len(spans) * np.arange(len(rows) + 1)
-        inside = (values.ravel(), columns.ravel().astype(np.intp), ends)
-        return csr_array(inside, shape=(len(rows), len(time)))
+        made = _core.local_weights(time, rows, first, last, sigma, degree, self.derivative)
+        return csr_array(made, shape=(len(rows), len(time)))
 
     def _widened(
         self,
@@ -288,19 +275,6 @@ def _slid(columns: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray
 def _step(time: NDArray[np.float64]) -> float:
     """Mean step of a run, s."""
     return float((time[-1] - time[0]) / (len(time) - 1)) if len(time) > 1 else 1.0
-
-
-def _neighbour(
-    time: NDArray[np.float64],
-    rows: NDArray[np.intp],
-    at: NDArray[np.intp],
-    last: NDArray[np.intp],
-    sigma: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Offset in σ and weight of one neighbour of each row, and its row; weight 0 past the last."""
-    row = np.minimum(at, last - 1)
-    x = (time[row] - time[rows]) / sigma
-    return x, np.where(at < last, np.exp(-0.5 * x * x), 0.0), row
 
 
 def require_bandwidth(bandwidth: float, rate: float, what: str) -> None:
