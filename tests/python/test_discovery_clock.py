@@ -134,6 +134,7 @@ def test_a_lag_whose_load_steps_is_named_though_functions_explain_more_than_its_
     assert made.names == ("sensor_lag",) and made.unexplained is None
     lateness, half_a_row = made.parameters("sensor_lag")[0], 0.5 / RATE
     assert lateness.value == pytest.approx(lag - half_a_row, rel=0.02)
+    assert made.final_rmse < 1.05 * 0.2  # of the noise: steps of the load are no noise of the cell
 
 
 PLAIN = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]

@@ -6,7 +6,9 @@ flat: quantisation of a signal that moves over many steps [Widrow1956] and elect
 the level of the highest octave, and no less than a quantum Q leaves, Q²/12 over the whole band:
 where a joint stands or moves evenly the error of its encoder is no noise but a few lines, between
 which, and so in the median over an octave, there is less than in the motion that a model learns
-from. The bandwidth is the highest frequency with S > N: below it the channel speaks, above it only
+from. A channel that steps from one row to the next, such as the load of a brake or a torque that
+turns over, has a signal in that octave, too: N is that of the short pieces without such a step. The
+bandwidth is the highest frequency with S > N: below it the channel speaks, above it only
 its noise does. The best smoother for a derivative of order k is the one whose response G loses and
 lets pass the least,
 
@@ -50,6 +52,11 @@ SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any b
 PARTS, PART = 8, 50_000  # of a long run, and rows of each, that are looked at
 SHORTEST = 128  # rows of a run that is looked at: in shorter ones leakage passes for noise
 DIFFERENCES = 2
+PIECE = 64  # rows of a short piece: 16 frequencies in the highest octave
+STEPS = 0.5  # of the squared changes within a piece, that one change has which is not undone at
+# once: of 63 changes by noise the largest has a sixth; and what of it the row beside may undo
+LEAST = 3.0  # quanta of a step: a slow signal goes by one
+KEPT = 0.25  # of the pieces, that have to be without a step
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
 HIGHEST, WIDTHS = 0.24, 60  # of the rate, what a smoother of a few rows can do; how many are tried
@@ -133,10 +140,14 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     found = [one for log in logs for one in _told(log, channel, rate, frequencies)]
     if not found:
         return None
-    weights, densities = zip(*found, strict=True)
+    weights, densities, floors = zip(*found, strict=True)
     density = np.average(densities, axis=0, weights=weights)
     step = max(quantum(log[channel]) for log in logs)
-    highest = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
+    octave = frequencies > 0.5 * frequencies[-1]
+    highest = float(np.median(density[octave]))
+    if np.isfinite(floors).any():
+        own = [min(one, np.median(d[octave])) for one, d in zip(floors, densities, strict=True)]
+        highest = min(highest, float(np.average(own, weights=weights)))
     floor = max(highest, step**2 / (6.0 * rate))
     exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
     above = np.flatnonzero(exceeds)
@@ -153,21 +164,28 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     )
 
 
-def _told(log: Log, channel: str, rate: float, frequencies: Array) -> list[tuple[int, Array]]:
-    """Rows and density of each run of a log that is long enough to tell, made once for a log."""
+def _told(
+    log: Log, channel: str, rate: float, frequencies: Array
+) -> list[tuple[int, Array, float]]:
+    """Rows, density and floor of each run that is long enough to tell, made once for a log.
+
+    The floor is that without steps, infinite where there is none.
+    """
     kept = _KEPT.setdefault(log, {})
     if (channel, rate) not in kept:
         time, values = log["time"], log[channel]
+        least = LEAST * quantum(values)
         made = kept[channel, rate] = []
         for first, last in runs(time):
             if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
-                parts = [_density(time[a:b], values[a:b], frequencies)
+                parts = [_density(time[a:b], values[a:b], frequencies, least)
                          for a, b in _looked_at(first, last)]  # fmt: skip
-                made.append((last - first, np.mean(parts, axis=0)))
+                densities, floors = zip(*parts, strict=True)
+                made.append((last - first, np.mean(densities, axis=0), float(np.mean(floors))))
     return kept[channel, rate]
 
 
-_KEPT: WeakKeyDictionary[Log, dict[tuple[str, float], list[tuple[int, Array]]]] = (
+_KEPT: WeakKeyDictionary[Log, dict[tuple[str, float], list[tuple[int, Array, float]]]] = (
     WeakKeyDictionary()
 )
 
@@ -180,8 +198,11 @@ def _looked_at(first: int, last: int) -> list[tuple[int, int]]:
     return [(int(start), int(start) + PART) for start in starts]
 
 
-def _density(time: Array, values: Array, frequencies: Array) -> Array:
-    """Power spectral density of an unbroken run at frequencies [Hz], unit²/Hz; local medians."""
+def _density(time: Array, values: Array, frequencies: Array, least: float) -> tuple[Array, float]:
+    """Power spectral density of an unbroken run at frequencies [Hz], unit²/Hz; local medians.
+
+    Behind it that of the highest octave beside steps of more than `least`, infinite without steps.
+    """
     from scipy.interpolate import make_interp_spline
     from scipy.signal import welch
 
@@ -194,7 +215,31 @@ def _density(time: Array, values: Array, frequencies: Array) -> Array:
     at, raw = welch(rough, 1.0 / step, "blackmanharris", length, detrend=_without_line)
     raw = raw[1:] / (2.0 * np.sin(np.pi * at[1:] * step)) ** (2 * DIFFERENCES)
     edges = np.searchsorted(at[1:], np.outer([1.0 / 1.25, 1.25], frequencies))
-    return np.array([_middle(raw[min(a, len(raw) - 1) : max(b, a + 1)]) for a, b in edges.T])
+    middles = [_middle(raw[min(a, len(raw) - 1) : max(b, a + 1)]) for a, b in edges.T]
+    return np.array(middles), _beside_steps(values, step, float(frequencies[-1]), least)
+
+
+def _beside_steps(values: Array, period: float, highest: float, least: float) -> float:
+    """Density in the octave below `highest` [Hz] of the pieces in which no value steps."""
+    pieces = values[: len(values) // PIECE * PIECE].reshape(-1, PIECE)
+    change = np.diff(pieces, axis=1)
+    change -= np.median(change, axis=1, keepdims=True)
+    at = np.argmax(np.abs(change), axis=1)[:, None]
+    largest = np.take_along_axis(change, at, axis=1)[:, 0]
+    around = np.pad(change, ((0, 0), (1, 1)))
+    undone = [np.take_along_axis(around, at + k, axis=1)[:, 0] for k in (0, 2)]
+    stays = np.min(np.abs(largest + np.array(undone)), axis=0) > STEPS * np.abs(largest)
+    alone = largest**2 > STEPS * np.sum(change**2, axis=1)
+    calm = ~(stays & alone & (np.abs(largest) > least))
+    if calm.all() or np.mean(calm) < KEPT:
+        return np.inf
+    rough = np.diff(pieces[calm], n=DIFFERENCES, axis=1)
+    frequency = np.fft.rfftfreq(rough.shape[1], period)
+    octave = (frequency > 0.5 * highest) & (frequency <= highest)
+    window = np.hanning(rough.shape[1])
+    power = np.abs(np.fft.rfft(rough * window, axis=1)[:, octave]) ** 2
+    gain = (2.0 * np.sin(np.pi * frequency[octave] * period)) ** (2 * DIFFERENCES)
+    return float(2.0 * period / (window @ window) * np.mean(power / gain))
 
 
 def _without_line(values: Array) -> Array:
