@@ -281,6 +281,46 @@ def test_a_drive_to_and_fro_at_one_speed_does_not_tell_a_delay_from_presliding(
     assert not check(log).faults
 
 
+def at_sensor(drive: Log) -> Log:
+    """The same motion and torque, read by a sensor at the output."""
+    return Log.from_arrays(
+        time=drive["time"], output_position=drive["output_position"],
+        output_velocity=np.gradient(drive["output_position"], drive["time"]),
+        sensor_torque=80.0 * drive["motor_torque"], facts={"gear_ratio": 80.0, "name": "sensor"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("motion", [strokes, waves])
+@pytest.mark.parametrize("late", [0.002, 0.004, 0.008])  # s, half a row and more
+def test_a_motion_that_is_late_behind_its_sensor_is_a_fault(
+    motion: Callable[[], Array], late: float
+) -> None:
+    log = at_sensor(driven(motion(), -late, 0.6, 0.0))
+    (found,) = check(log).faults
+    assert (found.name, found.channel) == ("position_delay", "output_position")
+    assert found.size == pytest.approx(late, abs=0.0012)
+    asked = [word.rstrip(",") for word in found.remedy.split() if word.startswith("shift=")]
+    assert len(asked) == 2
+    assert not check(repaired(log, asked)).faults
+
+
+@pytest.mark.parametrize("motion", [strokes, waves])
+@pytest.mark.parametrize("presliding", [0.0, 0.003])
+def test_the_motion_of_a_sensor_that_is_not_late_is_no_fault(
+    motion: Callable[[], Array], presliding: float
+) -> None:
+    for late in (0.0, 0.006):  # a sensor's lag is an effect
+        assert not check(at_sensor(driven(motion(), late, 0.6, presliding))).faults
+
+
+def test_a_drive_that_is_early_may_be_ahead_by_torsion() -> None:
+    findings = check(driven(waves(), -0.004, 0.6, 0.0))
+    assert not findings.faults
+    (found,) = findings.named("position_delay")
+    assert "or the gear twists under friction at the output" in found.sentence
+    assert found.remedy.startswith("If it is late, ask for the repair shift=output_position:0.00")
+
+
 @pytest.mark.parametrize("presliding", [0.003, 0.01, 0.03])  # rad
 def test_friction_that_gives_before_it_slips_is_no_fault_of_a_drive(presliding: float) -> None:
     assert not check(late_drive(0.0, presliding)).faults

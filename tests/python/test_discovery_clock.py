@@ -13,7 +13,7 @@ from test_hidden_in_torsion import dead_zone, mesh
 from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
-from flexspline.discovery.faults import DataFault, with_drive_on_time
+from flexspline.discovery.faults import DataFault, with_torque_on_time
 from flexspline.effects import effect
 from flexspline.logs.checks import check, check_runs
 from flexspline.logs.log import Log
@@ -175,13 +175,41 @@ def test_a_drive_that_one_of_three_runs_shows_late_stays_as_recorded() -> None:
     logs = [drives(0.006)[0], *drives(0.0)[1:]]
     late = DataFault("drive", "torque_delay", "motor_torque", 0.005, "s", (0, 10), "It is late.")
     for faults in ((late,), ()):
-        assert with_drive_on_time(logs, faults, "motor_torque") == (logs, faults)
+        assert with_torque_on_time(logs, faults, "motor_torque") == (logs, faults)
     both = (late, late)
-    assert with_drive_on_time(logs, both, "sensor_torque") == (logs, both)
-    moved, said = with_drive_on_time(logs, both, "motor_torque")
+    assert with_torque_on_time(logs, both, "sensor_torque") == (logs, both)
+    moved, said = with_torque_on_time(logs, both, "motor_torque")
     assert said[0].sentence == "It is late. Names are looked for with all else moved 5 ms later."
     for log, at in zip(moved, logs, strict=True):
         kept = np.isin(at["time"], log["time"])
         assert np.array_equal(log["motor_torque"], at["motor_torque"][kept])
         angle = np.interp(log["time"] - 0.005, at["time"], at["output_position"])
         assert log["output_position"] == pytest.approx(angle, abs=1e-12)
+
+
+def at_a_sensor(late: float) -> list[Log]:
+    """Those drives read by a sensor at the output, their motion late by so many s."""
+    return [
+        Log.from_arrays(
+            time=log["time"], output_position=log["output_position"],
+            sensor_torque=80.0 * log["motor_torque"],
+            facts={"gear_ratio": 80.0, "name": f"run{k}"},
+        )
+        for k, log in enumerate(drives(-late))
+    ]  # fmt: skip
+
+
+def test_friction_of_a_late_motion_is_no_presliding() -> None:
+    made = flexspline.discover(PLAIN, at_a_sensor(0.004), target="sensor_torque")
+    assert made.names == ()
+    assert [fault.name for fault in made.data_faults] == ["position_delay"] * 3
+    assert all("the motion moved 4." in fault.sentence for fault in made.data_faults)
+    assert made.final_rmse < 1.05 * 0.2  # of the noise
+    values = {p.name: p for p in made.fit.parameters}
+    assert values["inertia.inertia"].value == pytest.approx(0.6, rel=0.05)
+
+
+def test_no_name_is_an_effect_that_would_be_there_before_its_cause() -> None:
+    """By less than half a row, which only one of three runs shows."""
+    made = flexspline.discover(PLAIN, at_a_sensor(0.0015), target="sensor_torque")
+    assert made.names == () and made.unexplained is not None

@@ -39,8 +39,8 @@ from flexspline.discovery.faults import (
     graded,
     lead_of,
     load_delays,
-    with_drive_on_time,
     with_measured_ratio,
+    with_torque_on_time,
     with_unwrapped_angles,
 )
 from flexspline.discovery.physics import held_powers, spring_bounds
@@ -236,7 +236,7 @@ def _by_regression(
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(*with_unwrapped_angles(runs, faults), target)
     inputs, ways = learned(runs, target, load, bandwidth, task.threads)
-    runs, faults = with_drive_on_time(runs, faults, target)  # moving a channel takes of its noise
+    runs, faults = with_torque_on_time(runs, faults, target)  # moving a channel takes of its noise
     scatter = inputs[load].noise if load in inputs else 0.0
     task = replace(task, preparations=tuple(ways), scatter=scatter)
     free = freedoms(task.effects, target, load, runs, inputs)

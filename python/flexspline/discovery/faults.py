@@ -45,6 +45,8 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check_runs
 from flexspline.logs.checks.consistency import (
     DRIVE,
+    MOVED,
+    POSITION_DELAY,
     TOLD,
     TORQUE_DELAY,
     late_alike,
@@ -60,7 +62,7 @@ from flexspline.regression.gram import SINGULAR, TINY, Table, left_by, solved, t
 from flexspline.signals import target_of
 
 __all__ = ["SENSOR", "DataFault", "Delay", "data_faults", "delay_behind", "delay_beside_everything",
-           "graded", "lead_of", "load_delays", "with_drive_on_time", "with_measured_ratio",
+           "graded", "lead_of", "load_delays", "with_measured_ratio", "with_torque_on_time",
            "with_unwrapped_angles"]  # fmt: skip
 
 RATIO = "gear_ratio"
@@ -185,28 +187,33 @@ def with_measured_ratio(
     return mended, tuple(told)
 
 
-def with_drive_on_time(
+def with_torque_on_time(
     logs: Sequence[Log], faults: Sequence[DataFault], target: str
 ) -> tuple[list[Log], tuple[DataFault, ...]]:
-    """Return the runs with a drive that half of them and more show late beside its motion.
+    """Return the runs with a drive, or the motion of a sensor, that half and more show late.
 
-    Friction that is late looks like presliding. All else is moved later, for a target that is
-    interpolated has another noise, and friction that turns over within a row is blurred. The
-    fault's sentence then says by how much.
+    Friction that is late looks like presliding, and so does a motion that is. Where the drive is
+    late all else is moved later, for a target that is interpolated has another noise, and friction
+    that turns over within a row is blurred; a motion that is late is moved itself. The fault's
+    sentence then says by how much.
     """
-    late = [fault for fault in faults if fault.name == TORQUE_DELAY and target in DRIVE]
-    has = [log for log in logs if any(channel in log for channel in DRIVE)]
+    drive = [f for f in faults if f.name == TORQUE_DELAY and target in DRIVE]
+    late = drive or [f for f in faults if f.name == POSITION_DELAY and target in SENSOR]
+    has = [log for log in logs if any(name in log for name in (DRIVE if drive else SENSOR))]
     if not late or 2 * max(Counter(fault.channel for fault in late).values()) < len(has):
         return list(logs), tuple(faults)
     seconds = float(np.median([fault.size for fault in late]))
-    said = f"Names are looked for with all else moved {short(seconds / milli)} ms later."
-    moved = [
-        move_earlier(log, rest[0], -seconds, *rest[1:]) if log in has else log
-        for log in logs
-        for rest in [[name for name in log.channels if name not in ("time", *DRIVE)]]
-    ]
+
+    def moved(log: Log) -> Log:
+        rest = [name for name in log.channels if name not in ("time", *DRIVE)]
+        names = rest if drive else [name for name in MOVED if name in log]
+        return move_earlier(log, names[0], -seconds if drive else seconds, *names[1:])
+
+    size = f"{short(seconds / milli)} ms"
+    said = f"all else moved {size} later" if drive else f"the motion moved {size} earlier"
+    said = f"Names are looked for with {said}."
     told = [replace(f, sentence=f"{f.sentence} {said}") if f in late else f for f in faults]
-    return moved, tuple(told)
+    return [moved(log) if log in has else log for log in logs], tuple(told)
 
 
 def graded(

@@ -84,8 +84,9 @@ def _not_its_form(work: CandidateModel, name: str, problem: Problem) -> str:
         SETTINGS.told * problem.scatter
     ):
         return "its loop would be no wider than the noise of the load"
-    if name == LAG and problem.known_load is not None and values[0] < 0.0:
-        return "a sensor cannot read a torque before it is there"
+    if name == LAG and values[0] < 0.0:
+        late = "load" if problem.known_load is not None else "motion"
+        return f"a sensor cannot read a torque before it is there: the {late} may be late"
     if name == CROSSTALK and np.abs(values).max() > 0.5 * _ratio(problem):
         return "it would be most of what the gear transmits: the motor carries the load"
     return ""
@@ -100,7 +101,10 @@ def _ratio(problem: Problem) -> float:
 def _wrong_sign(work: CandidateModel, name: str, problem: Problem) -> str:
     """Why its sign cannot be, "" where it can."""
     values = work.values(name)
-    if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
+    level = level_of(work, COULOMB)
+    if name == PRESLIDING and values.sum() * level < 0.0 and abs(values.sum()) < abs(level):
+        return "its friction would turn over before the joint does: the motion may be late"
+    if name == STRIBECK and values[0] * level < 0.0:
         return "it would lessen friction at low speed, where Stribeck's adds to it"
     if name == POLYNOMIAL_FRICTION and _falls(work, problem):
         return "with it friction would fall as the speed rises from rest, which is Stribeck's"

@@ -78,7 +78,7 @@ from flexspline.logs.units import canonical_unit
 
 PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
 
-VELOCITY_DELAY, TORQUE_DELAY = "velocity_delay", "torque_delay"
+VELOCITY_DELAY, TORQUE_DELAY, POSITION_DELAY = "velocity_delay", "torque_delay", "position_delay"
 
 FACTOR_LIMIT = 0.03
 """Factors nearer to one than this are let pass."""
@@ -111,6 +111,18 @@ DIRECTION = 0.001
 """Half width of the change of direction, as a share of the 95 % speed."""
 
 DRIVE = ("motor_torque", "motor_current")
+
+MOVED = (
+    *("output_position", "output_velocity", "output_acceleration"),
+    *("motor_position", "motor_velocity"),
+)
+"""Channels that move together where a motion is late."""
+
+SENSOR = "sensor_torque"
+
+EARLY = 0.1
+"""Rows by which a torque is early at least. One that is late may be by half a row, for a command is
+held for one; nothing makes a torque early but a motion that is late."""
 
 SURE = 5.0
 """Standard errors at which a sign counts as known."""
@@ -841,16 +853,17 @@ def torque(log: Log) -> Iterator[Finding]:
     if motion is None or not _both_ways(motion):
         return
     columns = motion_columns(log, motion)
-    beside = list[Finding]()
-    for channel in (*DRIVE, "sensor_torque"):
+    beside, late = list[Finding](), list[Finding]()
+    for channel in (*DRIVE, SENSOR):
         if _is_read(log, channel, motion):
             reading = motion.smooth(log[channel])
             reaction = _reaction(motion, columns, reading)
             yield from _sign(log, channel, reaction)
-            yield from _late_torque(log, channel, motion, columns, reading)
+            late += _late_torque(log, channel, motion, columns, reading)
             if LOAD in log:
                 factor = _load_factor(log, channel, motion, columns, reading)
                 beside += _beside_load(log, channel, factor, reaction)
+    yield from {finding.channel: finding for finding in late}.values()  # a sensor's comes last
     known = {finding.channel: finding for finding in reversed(beside)}
     yield from known.values()  # the load is wrong once, beside however many torques
 
@@ -1116,7 +1129,12 @@ def _late_torque(
 ) -> Iterator[Finding]:
     step, within = median_step(motion.time), _torque_within(motion)
     whole = _behind_motion(motion, columns, reading)
-    if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
+    if whole is None or abs(whole.seconds) < SURE * whole.error:
+        return
+    if whole.seconds < -EARLY * step:
+        yield from _early_torque(log, channel, motion, columns, reading)
+        return
+    if whole.seconds < 0.5 * step:
         return
     most = 0.98 * within
     if channel in DRIVE and whole.seconds < most and is_delay(whole):
@@ -1147,6 +1165,12 @@ def _torque_within(motion: Motion) -> float:
     return min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
 
 
+def _position_delay(log: Log, channel: str) -> Delay | None:
+    """Delay of a position behind the sensor's torque; None where the run tells none."""
+    found = _drive_delay(log, SENSOR) if SENSOR in log and LOAD not in log else None
+    return None if found is None else replace(found, seconds=-found.seconds)
+
+
 def _behind_motion(motion: Motion, columns: Array, reading: Array) -> Delay | None:
     """Delay of a reading behind the columns that make it up, of the whole run."""
     within, scan = _torque_within(motion), max(median_step(motion.time), 0.005)
@@ -1164,15 +1188,13 @@ def _drive_delay(log: Log, channel: str) -> Delay | None:
 def _of_a_drive(log: Log, motion: Motion, columns: Array, reading: Array) -> Delay | None:
     """Return the delay of a drive that is there where presliding is over too; None without one.
 
-    It has to be there beside friction that grows with a load or changes with the angle, a part of
-    which a delay explains too. It is that of the whole run where both agree. Where they do not,
-    friction that rises over a travel is in the whole of it, and what its other rows say of most
-    that is left of them is the delay.
+    It is that of the whole run where both agree. Where they do not, friction that rises over a
+    travel is in the whole of it, and what its other rows say of most that is left of them is the
+    delay.
     """
     within = _torque_within(motion)
-    beside = np.column_stack((_friction_of_place(log, motion, columns[:, 0]), columns))
-    whole = _behind_motion(motion, beside, reading)
-    if whole is None or not (is_delay(whole) and 0.0 < whole.seconds < 0.98 * within):
+    whole = _beside_place(log, motion, columns, reading)
+    if whole is None or not 0.0 < whole.seconds < 0.98 * within:
         return None
     speed, step = np.abs(motion.velocity), median_step(motion.time)
     usual = float(np.percentile(speed, 95))
@@ -1188,6 +1210,34 @@ def _of_a_drive(log: Log, motion: Motion, columns: Array, reading: Array) -> Del
     if there.gain >= 0.01 and 0.5 < there.seconds / whole.seconds < 2.0:
         return whole
     return there if is_delay(there) else None
+
+
+def _beside_place(log: Log, motion: Motion, columns: Array, reading: Array) -> Delay | None:
+    """Return the delay that is there beside friction that grows with a load or changes with the
+    angle, a part of which a delay explains too; None without one."""
+    beside = np.column_stack((_friction_of_place(log, motion, columns[:, 0]), columns))
+    whole = _behind_motion(motion, beside, reading)
+    return whole if whole is not None and is_delay(whole) else None
+
+
+def _early_torque(
+    log: Log, channel: str, motion: Motion, columns: Array, reading: Array
+) -> Iterator[Finding]:
+    """The motion is late where a torque is early, unless that is the load's, which may be late.
+
+    Friction that gives before it slips is late and never early. A drive is ahead of its output by
+    torsion, too; a sensor at the output is not.
+    """
+    early = _beside_place(log, motion, columns, reading) if LOAD not in log else None
+    if early is None or not -0.98 * _torque_within(motion) < early.seconds < 0.0:
+        return
+    late = _late_position(log, "output_position", replace(early, seconds=-early.seconds))
+    if channel not in DRIVE:
+        yield late
+        return
+    said = late.sentence.replace("the torque:", f"{channel}:").rstrip(".")
+    said += ", or the gear twists under friction at the output."
+    yield replace(late, severity="note", sentence=said, remedy=f"If it is late, a{late.remedy[1:]}")
 
 
 def _friction_of_place(log: Log, motion: Motion, direction: Array) -> Array:
@@ -1222,6 +1272,23 @@ def _late_drive(log: Log, channel: str, late: Delay, others: str = "") -> Findin
         f"speeds: its filter or its recorder delays it, and a fit takes that for inertia and "
         f"friction.{others}",
         f"Ask for the repair shift={channel}:{late.seconds:.3g}.",
+    )
+
+
+def _late_position(log: Log, channel: str, late: Delay, others: str = "") -> Finding:
+    """Return the fault of a motion that is late behind the torque that it follows from."""
+    asked = " with ".join(f"shift={name}:{late.seconds:.3g}" for name in MOVED if name in log)
+    return Finding(
+        POSITION_DELAY,
+        "fault",
+        channel,
+        (0, len(log)),
+        late.seconds,
+        "s",
+        f"{channel} is {_milliseconds(late.seconds, late.error)} late against the torque: "
+        f"its encoder, its filter or its bus delays it, and friction seems to turn over before the "
+        f"joint does.{others}",
+        f"Ask for the repair {asked}, for all channels of the motion.",
     )
 
 
@@ -1355,7 +1422,7 @@ def _solve(gram: Array, right: Array) -> Array:
 def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Findings]:
     """Return the findings with a delay told of all runs that have it, and of how many.
 
-    That of a velocity behind its position, and of a drive behind its motion.
+    That of a velocity behind its position, of a drive behind its motion, and of its position.
 
     Parameters
     ----------
@@ -1364,6 +1431,7 @@ def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Fi
     told = list(made)
     late = dict.fromkeys(PAIRS, (VELOCITY_DELAY, velocity_delay, late_velocity))
     late |= dict.fromkeys(DRIVE, (TORQUE_DELAY, _drive_delay, _late_drive))
+    late["output_position"] = POSITION_DELAY, _position_delay, _late_position
     for channel, (name, delay_of, finding_of) in late.items():
         beside = PAIRS.get(channel, "output_position")
         has = [k for k, log in enumerate(logs) if channel in log and beside in log]
@@ -1371,7 +1439,7 @@ def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Fi
         found = {k: f for k in has for f in told[k].named(name)
                  if f.channel == channel and f.severity == "fault"}  # fmt: skip
         if found and len(found) < len(has):
-            slack = ALIKE_DRIVE if channel in DRIVE else ALIKE
+            slack = ALIKE if channel in PAIRS else ALIKE_DRIVE
             delays = _Delays(channel, name, delay_of, finding_of, slack)
             _share(logs, told, delays, has, found)
     return told
