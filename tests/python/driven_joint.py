@@ -12,12 +12,12 @@ Array = NDArray[np.float64]
 
 def driven(
     angle: Array, late: float, inertia: float, presliding: float = 0.0, *,
-    bits: int = 19, seed: int = 11, every: int = 20,
+    bits: int = 19, seed: int = 11, every: int = 20, noisy: bool = True,
 ) -> Log:  # fmt: skip
     """A drive over an angle (N,) rad at 5 kHz, late by so many s, in rows at 250 Hz.
 
     4 Nm of Coulomb friction that slips, or gives over `presliding` [rad]; 6 Nm·s/rad, 5 Nm of
-    gravity; `inertia` in kg·m², an encoder of so many `bits`, 0.2 Nm of white noise.
+    gravity; `inertia` in kg·m², an encoder of so many `bits`, 0.2 Nm of white noise or none.
     """
     time = np.arange(len(angle)) / 5000.0
     speed = np.gradient(angle, time)
@@ -28,7 +28,7 @@ def driven(
             slip[k] = np.clip(slip[k - 1] + (angle[k] - angle[k - 1]) / presliding, -1.0, 1.0)
     torque = 4.0 * slip + 6.0 * speed + inertia * np.gradient(speed, time) + 5.0 * np.sin(angle)
     torque = np.interp(time - late, time, torque)[::every]
-    torque += 0.2 * np.random.default_rng(seed).normal(size=len(torque))
+    torque += 0.2 * noisy * np.random.default_rng(seed).normal(size=len(torque))
     step = 2.0 * np.pi / 2**bits
     return Log.from_arrays(
         time=time[::every], output_position=np.round(angle[::every] / step) * step,

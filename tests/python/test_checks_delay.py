@@ -309,8 +309,24 @@ def test_a_motion_that_is_late_behind_its_sensor_is_a_fault(
 def test_the_motion_of_a_sensor_that_is_not_late_is_no_fault(
     motion: Callable[[], Array], presliding: float
 ) -> None:
-    for late in (0.0, 0.006):  # a sensor's lag is an effect
-        assert not check(at_sensor(driven(motion(), late, 0.6, presliding))).faults
+    assert not check(at_sensor(driven(motion(), 0.0, 0.6, presliding))).faults
+
+
+@pytest.mark.parametrize("held", [1, 3])  # rows for which the torque keeps a value
+def test_a_sensor_that_is_late_behind_its_motion_is_a_fault_where_nothing_else_is_missing(
+    held: int,
+) -> None:
+    log = at_sensor(driven(strokes(), 0.006, 0.6, 0.0))
+    torque = np.repeat(log["sensor_torque"][::held], held)[: len(log)]
+    log = log.with_columns({"sensor_torque": torque}, note="held")
+    (late,) = check(log).faults
+    assert (late.name, late.channel) == ("torque_delay", "sensor_torque")
+    assert late.size == pytest.approx(0.006 + 0.002 * (held - 1), abs=0.0012)
+    wanders = (
+        0.5 * np.cumsum(np.random.default_rng(3).normal(size=len(log))) / 15.0
+    )  # another joint
+    log = log.with_columns({"sensor_torque": torque + wanders}, note="more")
+    assert not check(log).faults
 
 
 def test_a_drive_that_is_early_may_be_ahead_by_torsion() -> None:

@@ -175,10 +175,11 @@ def test_a_drive_that_one_of_three_runs_shows_late_stays_as_recorded() -> None:
     logs = [drives(0.006)[0], *drives(0.0)[1:]]
     late = DataFault("drive", "torque_delay", "motor_torque", 0.005, "s", (0, 10), "It is late.")
     for faults in ((late,), ()):
-        assert with_torque_on_time(logs, faults, "motor_torque") == (logs, faults)
+        assert with_torque_on_time(logs, faults, "motor_torque") == (logs, faults, 0.0)
     both = (late, late)
-    assert with_torque_on_time(logs, both, "sensor_torque") == (logs, both)
-    moved, said = with_torque_on_time(logs, both, "motor_torque")
+    assert with_torque_on_time(logs, both, "sensor_torque") == (logs, both, 0.0)
+    moved, said, seconds = with_torque_on_time(logs, both, "motor_torque")
+    assert seconds == 0.005
     assert said[0].sentence == "It is late. Names are looked for with all else moved 5 ms later."
     for log, at in zip(moved, logs, strict=True):
         kept = np.isin(at["time"], log["time"])
@@ -213,3 +214,44 @@ def test_no_name_is_an_effect_that_would_be_there_before_its_cause() -> None:
     """By less than half a row, which only one of three runs shows."""
     made = flexspline.discover(PLAIN, at_a_sensor(0.0015), target="sensor_torque")
     assert made.names == () and made.unexplained is not None
+
+
+def filtered(target: str, hertz: float) -> list[Log]:
+    """Those drives, their torque behind a first-order low pass, read as a drive's or a sensor's."""
+    kept, scale = np.exp(-2.0 * np.pi * hertz / 5000.0), 80.0 if target == "sensor_torque" else 1.0
+    logs = []
+    for seed, angle in enumerate((strokes(), waves(), waves()[::-1].copy(), strokes(20.0))):
+        log = driven(angle, 0.0, inertia=0.6, seed=seed, every=1, noisy=False)
+        torque = lfilter([1.0 - kept], [1.0, -kept], scale * log["motor_torque"])[::20]
+        torque += np.random.default_rng(seed).normal(0.0, 0.2 * scale / 80.0, len(torque))
+        step = 2.0 * np.pi / 2**17
+        position = step * np.round(log["output_position"][::20] / step)
+        logs.append(Log.from_arrays(
+            time=log["time"][::20], output_position=position, **{target: torque},
+            facts={"gear_ratio": 80.0, "name": f"run{seed}"},
+        ))  # fmt: skip
+    return logs
+
+
+@pytest.mark.parametrize("target", ["motor_torque", "sensor_torque"])
+def test_what_a_filter_of_the_torque_makes_of_reversals_is_no_presliding(target: str) -> None:
+    """It stands a delay of 10 ms for what is a lag of 16 ms, and the rest is like a spring's."""
+    made = flexspline.discover(PLAIN, filtered(target, 10.0), target=target)
+    assert made.names == ()
+    assert "the filter by which the torque is late" in made.refused["presliding_friction"]
+    assert {fault.name for fault in made.data_faults} == {"torque_delay"}
+
+
+@pytest.mark.parametrize("late", [0.0, 0.01])
+def test_presliding_beside_a_late_sensor_keeps_its_name(late: float) -> None:
+    logs = [
+        Log.from_arrays(
+            time=log["time"], output_position=log["output_position"],
+            sensor_torque=80.0 * log["motor_torque"],
+            facts={"gear_ratio": 80.0, "name": f"run{k}"},
+        )
+        for k, angle in enumerate((strokes(), waves(), waves()[::-1].copy(), strokes(20.0)))
+        for log in [driven(angle, late, inertia=0.6, presliding=0.003, bits=17, seed=k)]
+    ]  # fmt: skip
+    made = flexspline.discover(PLAIN, logs, target="sensor_torque")
+    assert made.names == ("presliding_friction",)

@@ -193,7 +193,8 @@ class Task:
     """What a discovery starts from, and how it goes about it: see `discover`.
 
     `model`: the one of which the base is a part. `carried`: as for `problem_of`. `preparations`: of
-    the inputs. `scatter`: noise of the load cell, Nm. `say`: is told what is being done.
+    the inputs. `scatter`: noise of the load cell, Nm. `late`: s, by which the target was late
+    before all else was moved to it. `say`: is told what is being done.
     """
 
     effects: tuple[Effect, ...]
@@ -210,6 +211,7 @@ class Task:
     threads: int = 1
     preparations: tuple[Preparation, ...] = ()
     scatter: float = 0.0
+    late: float = 0.0
     say: Callable[[str], object] = lambda _: None
 
 
@@ -236,9 +238,11 @@ def _by_regression(
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(*with_unwrapped_angles(runs, faults), target)
     inputs, ways = learned(runs, target, load, bandwidth, task.threads)
-    runs, faults = with_torque_on_time(runs, faults, target)  # moving a channel takes of its noise
+    runs, faults, late = with_torque_on_time(
+        runs, faults, target
+    )  # moving a channel takes of its noise
     scatter = inputs[load].noise if load in inputs else 0.0
-    task = replace(task, preparations=tuple(ways), scatter=scatter)
+    task = replace(task, preparations=tuple(ways), scatter=scatter, late=late)
     free = freedoms(task.effects, target, load, runs, inputs)
     taken = [LAG] if any(fault.name == SIMULATION_DELAY for fault in of_base) else []
     free = tuple(name for name in free if name not in (*task.exclude, *taken))
@@ -416,6 +420,7 @@ class _Recorded:
         effects = with_freedoms(of_base(effects, given), free)
         absent = (*task.exclude, *exclude)
         context = search_context_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
+        context = replace(context, late=task.late)
         if self.blur is not None:
             both = zip(context.problem.runs, self.blur, strict=True)
             runs = tuple(replace(run, blur=blur) for run, blur in both)

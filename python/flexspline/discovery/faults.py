@@ -189,31 +189,34 @@ def with_measured_ratio(
 
 def with_torque_on_time(
     logs: Sequence[Log], faults: Sequence[DataFault], target: str
-) -> tuple[list[Log], tuple[DataFault, ...]]:
-    """Return the runs with a drive, or the motion of a sensor, that half and more show late.
+) -> tuple[list[Log], tuple[DataFault, ...], float]:
+    """Return the runs with a torque that half and more show late, or a motion that most do.
 
-    Friction that is late looks like presliding, and so does a motion that is. Where the drive is
+    Friction that is late looks like presliding, and so does a motion that is. Where the torque is
     late all else is moved later, for a target that is interpolated has another noise, and friction
     that turns over within a row is blurred; a motion that is late is moved itself. The fault's
-    sentence then says by how much.
+    sentence then says by how much. Last comes by how much the target was late, s; 0 for none.
     """
-    drive = [f for f in faults if f.name == TORQUE_DELAY and target in DRIVE]
-    late = drive or [f for f in faults if f.name == POSITION_DELAY and target in SENSOR]
-    has = [log for log in logs if any(name in log for name in (DRIVE if drive else SENSOR))]
-    if not late or 2 * max(Counter(fault.channel for fault in late).values()) < len(has):
-        return list(logs), tuple(faults)
+    read = SENSOR if target in SENSOR else DRIVE
+    torque = [f for f in faults if f.name == TORQUE_DELAY and f.channel in read and target in read]
+    late = torque or [f for f in faults if f.name == POSITION_DELAY and target in SENSOR]
+    has = [log for log in logs if any(name in log for name in read)]
+    seen = max(Counter(fault.channel for fault in late).values(), default=0)
+    if not late or 2 * seen < len(has) + (not torque):
+        return list(logs), tuple(faults), 0.0
     seconds = float(np.median([fault.size for fault in late]))
 
     def moved(log: Log) -> Log:
-        rest = [name for name in log.channels if name not in ("time", *DRIVE)]
-        names = rest if drive else [name for name in MOVED if name in log]
-        return move_earlier(log, names[0], -seconds if drive else seconds, *names[1:])
+        rest = [name for name in log.channels if name not in ("time", *read)]
+        names = rest if torque else [name for name in MOVED if name in log]
+        return move_earlier(log, names[0], -seconds if torque else seconds, *names[1:])
 
     size = f"{short(seconds / milli)} ms"
-    said = f"all else moved {size} later" if drive else f"the motion moved {size} earlier"
+    said = f"all else moved {size} later" if torque else f"the motion moved {size} earlier"
     said = f"Names are looked for with {said}."
     told = [replace(f, sentence=f"{f.sentence} {said}") if f in late else f for f in faults]
-    return [moved(log) if log in has else log for log in logs], tuple(told)
+    on_time = [moved(log) if log in has else log for log in logs]
+    return on_time, tuple(told), seconds if torque else 0.0
 
 
 def graded(

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from flexspline.discovery.basis import (
     LEAD,
@@ -71,6 +72,7 @@ from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step
 from flexspline.regression.candidate_model import CandidateModel, refitted, started
 from flexspline.regression.gram import (
     Columns,
@@ -106,7 +108,8 @@ class SearchContext:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
     `tied`: channels that are nearly a function of another. `last`, `known`: what was asked for
-    before, a table and the candidates beside models.
+    before, a table and the candidates beside models. `late`: s, by which the target was late before
+    all else was moved to it.
     """
 
     problem: Problem
@@ -118,6 +121,7 @@ class SearchContext:
     known: dict[tuple[Effect, ...], tuple[SeenOrders, list[Candidate]]] = field(
         default_factory=dict
     )
+    late: float = 0.0
 
     @property
     def target(self) -> str:
@@ -261,6 +265,7 @@ MOTOR_TORQUE, MOTOR_CURRENT = "motor_torque", "motor_current"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 UNMODULATED = "the same orders explain as much with one amplitude at all speeds"
 BY_SMOOTHING = "the motion smoothed more or less explains as much"
+BY_FILTER = "the filter by which the torque is late explains as much"
 
 
 @dataclass
@@ -648,6 +653,8 @@ class Searcher:
             return UNMODULATED
         if not reason and self._by_smoothing(work, effect):
             return BY_SMOOTHING
+        if not reason and name in LOOPS and self._by_filter(work, effect):
+            return BY_FILTER
         return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
 
     def _by_smoothing(self, work: CandidateModel, effect: Effect) -> bool:
@@ -656,11 +663,32 @@ class Searcher:
         What a smoother takes of a sharp reversal, or leaves of the noise, looks like a lag, a loop
         or friction.
         """
-        problem, rest = self.context.thinned().problem, work.without(effect.name)
-        blur = tuple(run.blur for run in problem.runs if run.blur is not None)
-        if len(blur) < len(problem.runs):
+        blur = tuple(run.blur for run in self.context.problem.runs if run.blur is not None)
+        whole = len(blur) == len(self.context.problem.runs)
+        return whole and self._loses_most(work, effect, blur)
+
+    def _by_filter(self, work: CandidateModel, effect: Effect) -> bool:
+        """Whether an effect loses most of what it gains to what a filter leaves beside its delay.
+
+        Of a torque behind a first-order filter, which has made half of a step after ln 2 of its
+        time constant: by that it was taken for late.
+        """
+        late, problem, rest = self.context.late, self.context.problem, work.without(effect.name)
+        if not late:
             return False
-        given = Functions(column=blur)
+        left = list[Array]()
+        for number, run in enumerate(problem.runs):
+            told, time = rest.predict(problem, number), run.log["time"]
+            kept = np.exp(-np.log(2.0) * median_step(time) / late)
+            sooner = np.interp(time + late, time, told)
+            behind, _ = lfilter([1.0 - kept], [1.0, -kept], sooner, zi=[kept * sooner[0]])
+            left.append(behind - told)
+        return self._loses_most(work, effect, tuple(left))
+
+    def _loses_most(self, work: CandidateModel, effect: Effect, column: tuple[Array, ...]) -> bool:
+        """Whether an effect keeps less than half of what it gains beside a column of each run."""
+        problem, rest = self.context.thinned().problem, work.without(effect.name)
+        given = Functions(column=column)
         table = tabulated(problem, rest.assembly(beside=[effect], given=given), self.whitening)
         model = np.arange(len(rest.owners()))
         own = model.size + np.arange(len(effect.terms))
@@ -672,7 +700,7 @@ class Searcher:
         It follows the motor's torque, of which the runs have the current alone, without the
         constant; and that explains most of what the name does.
         """
-        problem, rest = self.context.thinned().problem, work.without(name)
+        problem = self.context.problem
         reasons = self.context.not_tried.items()
         untried = (n for n, why in reasons if why not in (EXCLUDED, TAKEN) and n in CATALOGUE)
         found = next((n for n in untried if CATALOGUE[n].reads == (MOTOR_TORQUE,)), "")
@@ -680,12 +708,7 @@ class Searcher:
         if not found or len(columns) < len(problem.runs):
             return ""
         effect = next(e for e in work.effects if e.name == name)
-        given = Functions(column=columns)
-        table = tabulated(problem, rest.assembly(beside=[effect], given=given), self.whitening)
-        model = np.arange(len(rest.owners()))
-        own = model.size + np.arange(len(effect.terms))
-        kept = table.gain(own, np.append(model, own[-1] + 1))
-        return found if kept < 0.5 * table.gain(own, model) else ""
+        return found if self._loses_most(work, effect, columns) else ""
 
     def _unmodulated(self, work: CandidateModel, effect: Effect) -> bool:
         """Whether a ripple whose amplitude follows the speed keeps next to nothing, or no more than
