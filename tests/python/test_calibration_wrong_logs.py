@@ -9,6 +9,7 @@ from calibration_logs import QUIET, SENSITIVITY, Bench
 
 from flexspline import InputError, calibrate
 from flexspline.logs.log import Log
+from flexspline.logs.repairs import repaired
 
 LOAD, DRIFT = bench.load_run(), bench.drift_run(cooling=True)
 
@@ -248,3 +249,34 @@ def test_another_channel_can_be_the_reference() -> None:
     log = changed(bench.without(LOAD, "reference_torque"), sensor_torque=LOAD["reference_torque"])
     made = calibrate(log, reference="sensor_torque", degree=0)
     assert made["sensitivity"].value == calibrate(LOAD, degree=0)["sensitivity"].value
+
+
+@pytest.mark.parametrize("channel", ["sensor_voltage", "reference_torque"])
+@pytest.mark.parametrize("width", [1, 2])
+def test_spikes_are_named_with_rows_and_repair_and_no_zero_is_said_to_move(
+    channel: str, width: int
+) -> None:
+    values = LOAD[channel].copy()
+    rows = np.array([157, 905, 1424, 1503, 1602])
+    for k in range(width):
+        values[rows + k] += 20.0 * np.ptp(LOAD[channel]) * np.array([1, -1, 1, 1, 1])
+    spiked = changed(LOAD, **{channel: values})
+    made = calibrate([spiked, DRIFT])
+    first = made.warnings[0]
+    assert first.startswith(f"load: {channel} leaps in {5 * width} single rows (157, ")
+    assert first.endswith(f"ask for the repair drop_spikes={channel}")
+    assert made.spiked == (channel,)
+    verdict = str(made).partition("parameter")[0]
+    assert f"single rows of {channel} leap (repair drop_spikes)" in " ".join(verdict.split())
+    assert "the zero moved" not in verdict
+    mended = calibrate([repaired(spiked, [f"drop_spikes={channel}"]), DRIFT])
+    sound = calibrate([LOAD, DRIFT])["sensitivity"]
+    assert mended["sensitivity"].value == pytest.approx(sound.value, abs=sound.standard_error)
+    assert mended.spiked == ()
+
+
+def test_what_is_strange_in_a_run_is_said_with_what_to_do() -> None:
+    late = np.arange(len(LOAD)) / 10.0
+    late[900:] += 100.0
+    (said,) = [s for s in calibrate(changed(LOAD, time=late), degree=0).warnings if "load: " in s]
+    assert said.count(". ") == 1 and said.endswith(".")

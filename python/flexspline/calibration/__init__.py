@@ -321,6 +321,7 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         zeros=run_zeros(runs, solved.made, solved.sensitivity),
         zero_test=zero_test(runs, solved.made),
         gain_test=gain_test(runs, solved.made),
+        spiked=tuple(dict.fromkeys(channel for run in runs for channel in run.spiked)),
         warnings=(),
     )
     result = replace(result, warnings=(*strange, *warnings_of(result, runs, solved.made)))

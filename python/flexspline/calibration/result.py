@@ -114,6 +114,7 @@ class CalibrationResult(Views, Rendered):
     zeros : of each run, with `zero_per_run`, else none; the parameters hold their mean.
     zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
     gain_test : whether the gain changes with temperature; None where load was at one temperature.
+    spiked : channels of which single rows leap: their calibration is that of these rows.
     warnings : sentences about the runs and the result.
     """
 
@@ -141,6 +142,7 @@ class CalibrationResult(Views, Rendered):
     zeros: tuple[RunZero, ...]
     zero_test: ZeroTest | None
     gain_test: GainTest | None
+    spiked: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property

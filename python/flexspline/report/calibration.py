@@ -448,12 +448,7 @@ def _faults(result: CalibrationResult) -> list[str]:
     if result.sensitivity_reason:
         what = "not determined" if result.calibration is None else "not fitted but taken as known"
         found.append(f"the sensitivity is {what}, {result.sensitivity_reason}")
-    if _moved(result):
-        found.append("the zero moved between the runs")
-    if result.gain_test is not None and result.gain_test.changes:
-        found.append("the gain changes with temperature")
-    if (bend := bend_of(result)) is not None:
-        found.append(f"a straight line is off by {percent_text(bend[0].percent or 0.0)} %FS")
+    found += _of_the_sensor(result)
     hidden = _hidden(result)
     if hidden:
         found.append(f"not determined alone: {', '.join(hidden).replace('_', ' ')}")
@@ -464,6 +459,20 @@ def _faults(result: CalibrationResult) -> list[str]:
     warned = len([w for w in result.warnings if w != result.uncertainty.statement])
     if warned:
         found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
+    return found
+
+
+def _of_the_sensor(result: CalibrationResult) -> list[str]:
+    """What zero, gain and line are; of a channel with spikes nobody knows."""
+    if result.spiked:
+        return [f"single rows of {listed(result.spiked)} leap (repair drop_spikes)"]
+    found = []
+    if _moved(result):
+        found.append("the zero moved between the runs")
+    if result.gain_test is not None and result.gain_test.changes:
+        found.append("the gain changes with temperature")
+    if (bend := bend_of(result)) is not None:
+        found.append(f"a straight line is off by {percent_text(bend[0].percent or 0.0)} %FS")
     return found
 
 
