@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.result import bend_of, held_in_drift, percent_text
+from flexspline.calibration.result import bend_of, held_in_drift, late_of, percent_text
 from flexspline.errors import listed
 from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
@@ -467,6 +467,9 @@ def _of_the_sensor(result: CalibrationResult) -> list[str]:
     if result.spiked:
         return [f"single rows of {listed(result.spiked)} leap (repair drop_spikes)"]
     found = []
+    if (delay := late_of(result)) is not None:
+        way = "late" if delay.seconds > 0.0 else "early"
+        found.append(f"the reference is {1e3 * abs(delay.seconds):.3g} ms {way}")
     if _moved(result):
         found.append("the zero moved between the runs")
     if result.gain_test is not None and result.gain_test.changes:
