@@ -107,7 +107,7 @@ class Joint:
         64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
         at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'. Of a joint
         that adapts 'adapted': the first eight coefficients of the observed model behind each row, 0
-        where it has fewer.
+        where it has fewer, and 'told': directions of them that its last round of blocks told.
         """
 
 class Plant:

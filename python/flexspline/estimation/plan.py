@@ -597,7 +597,8 @@ def doubts_of(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> t
     weight = carried_warnings(model) if "compliance" in plan.estimating else []
     scale = [f"{log.name}: {finding.sentence} {finding.remedy}" for finding in kelvin(log)]
     ranges = _of_ranges(model, plan, log, found)
-    return (*weight, *scale, *ranges, *_of_detector(model, plan, log))
+    detector, split = _of_detector(model, plan, log), _of_adaptation(model, plan, log, found)
+    return (*weight, *scale, *ranges, *detector, *split)
 
 
 def _of_ranges(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> Iterator[str]:
@@ -681,6 +682,30 @@ def _of_detector(model: Model, plan: Plan, log: Log) -> Iterator[str]:
             f"{listed(derived)}, which is derived from output_position here: {stated} not hold; "
             "record it, or calibrate the detector on logs without it"
         )
+
+
+def _of_adaptation(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence where most rounds tell fewer directions than coefficients are adapted.
+
+    Most: a memory is eight rounds, and where half of them tell all, the split is theirs.
+    """
+    entry = plan.estimating.get("adaptation")
+    if entry is None:
+        return
+    names = adapted_units(model, plan)
+    free = [n for n, a, b in zip(names, entry["low"], entry["high"], strict=True) if b > a]
+    ended = np.flatnonzero(np.any(np.diff(found["adapted"], axis=0) != 0.0, axis=1)) + 1
+    told = found["told"][ended]
+    few = int(np.count_nonzero(told < len(free)))
+    if not 2 * few > len(ended):
+        return
+    yield (
+        f"log '{log.name}': in {few} of {len(ended)} rounds of the adaptation the motion tells "
+        f"{int(np.median(told))} of {len(free)} directions of {listed(free)}, as a joint does at "
+        "one speed: what they make together is followed, and how it is split between them comes of "
+        "the covariance of the fit and not of these rows; let the joint run at several speeds "
+        "and angles too, or adapt fewer effects"
+    )
 
 
 def _watched(plan: Plan, detector: Collision) -> set[str]:

@@ -383,7 +383,10 @@ class Adaptation(Entry):
     in the block behind has a contact or a flag, and it is within the gate; else every coefficient
     stays as it is, also for years. Blocks count together after an eighth of the memory, so each
     coefficient moves in steps. It starts at the part's coefficients with the covariance of their
-    fit. The formulas stand on top of `flexspline/estimators/adaptation.hpp`.
+    fit. Of a joint that runs at one speed level and viscosity are followed together, and their
+    split is that of this covariance: `estimate` says so, and `state.adaptation.told` on the joint
+    is then less than the number of coefficients. The formulas stand on top of
+    `flexspline/estimators/adaptation.hpp`.
 
     With the use monitor no estimate changes: what was learned is there to be read, in `estimate` as
     columns by the names of the parameters, on the joint by `joint.adapted(state)`, and in the
