@@ -40,6 +40,7 @@ __all__ = [
     "Merge",
     "Observer",
     "factor_of",
+    "fit_rmse",
     "starting_factor",
 ]
 
@@ -482,7 +483,7 @@ class Adaptation(Entry):
                 f"{observer.input} --effects coulomb_friction,viscous_friction --into MODEL.json"
             )
         self._require_effects(part)
-        if self.noise is None and _rmse(part) is None:
+        if self.noise is None and fit_rmse(part) is None:
             raise InputError(
                 f"the estimator adaptation needs the noise of the part for {part.target}, which "
                 "no fit recorded; give noise in Nm"
@@ -528,7 +529,7 @@ class Adaptation(Entry):
 
     def spread(self, part: Part) -> float:
         """The noise of a block, Nm."""
-        found = self.noise if self.noise is not None else _rmse(part)
+        found = self.noise if self.noise is not None else fit_rmse(part)
         assert found is not None
         return found
 
@@ -610,8 +611,8 @@ def factor_of(covariance: Array) -> Array | None:
     return packed
 
 
-def _rmse(part: Part) -> float | None:
-    """The RMSE over all rows of the part's fit, on rows that it did not see where it says so."""
+def fit_rmse(part: Part) -> float | None:
+    """Return the RMSE over all rows of a part's fit, of held-out ones where it says so."""
     for score in part.record.get("scores", ()):
         if score["group"] == "all":
             found = score.get("cv_rmse") or score["rmse"]
