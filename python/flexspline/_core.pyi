@@ -297,7 +297,7 @@ def local_weights(
     degree: int,
     derivative: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
-    """Weights of polynomials fitted around rows, as (data, indices, indptr) of a sparse matrix."""
+    """Weights of polynomials around rows: (data, indices, indptr) of a sparse (rows, N) matrix."""
 
 def merge(
     high: ArrayLike, low: ArrayLike, chosen: Sequence[int]
