@@ -82,8 +82,8 @@ void bind_filters(py::module_& module) {
       "Filter one row of `every` of columns (N, C) into `out`, columns of neighbouring rows.");
   module.def("local_weights", &local_weights, py::arg("time"), py::arg("rows"), py::arg("first"),
              py::arg("last"), py::arg("sigma"), py::arg("degree"), py::arg("derivative"),
-             "Weights of polynomials fitted around rows, as (data, indices, indptr) of a sparse "
-             "matrix, (rows, N).");
+             "Weights of polynomials around rows: (data, indices, indptr) of a sparse "
+             "(rows, N) matrix.");
 }
 
 }  // namespace flexspline::bindings

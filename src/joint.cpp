@@ -124,6 +124,7 @@ py::dict run(const LogJoint& joint, const py::dict& columns, const std::vector<s
     py::array_t<double> values({rows, most});
     results["adapted"] = values;
     to.adapted = values.mutable_data();
+    to.told = column<std::uint8_t>(results, "told", size);
   }
   if (has(all, Stage::collision)) to.contact = column<std::uint8_t>(results, "contact", size);
   to.flags = column<std::uint8_t>(results, "flags", size);
@@ -160,7 +161,7 @@ stage missed. It starts anew at the rows `starts`, which rise from 0.
 64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
 at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'. Of a joint
 that adapts 'adapted': the first eight coefficients of the observed model behind each row, 0
-where it has fewer.)");
+where it has fewer, and 'told': directions of them that its last round of blocks told.)");
 }
 
 }  // namespace flexspline::bindings

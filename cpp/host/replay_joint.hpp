@@ -103,6 +103,7 @@ struct JointResults {
   std::array<double*, joint_outputs.size()> outputs{};
   std::array<double*, joint_inputs.size()> inputs{};
   double* adapted = nullptr;  ///< rows of `LogJoint::Adapting::most` coefficients, behind the row
+  std::uint8_t* told = nullptr;  ///< directions of their last round
   std::uint8_t* contact = nullptr;
   std::uint8_t* flags = nullptr;
   std::uint8_t* faults = nullptr;
@@ -238,6 +239,7 @@ inline void replay_joint(LogJoint joint, const JointLog& log, const JointResults
       if (to.adapted != nullptr) {
         const auto now = joint.adapted(state);
         std::copy(now.begin(), now.end(), to.adapted + row * now.size());
+        to.told[row] = state.adaptation.told;
       }
       return status;
     });

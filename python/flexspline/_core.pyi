@@ -107,7 +107,7 @@ class Joint:
         64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
         at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'. Of a joint
         that adapts 'adapted': the first eight coefficients of the observed model behind each row, 0
-        where it has fewer.
+        where it has fewer, and 'told': directions of them that its last round of blocks told.
         """
 
 class Plant:
@@ -297,7 +297,7 @@ def local_weights(
     degree: int,
     derivative: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
-    """Weights of polynomials fitted around rows, as (data, indices, indptr) of a sparse matrix."""
+    """Weights of polynomials around rows: (data, indices, indptr) of a sparse (rows, N) matrix."""
 
 def merge(
     high: ArrayLike, low: ArrayLike, chosen: Sequence[int]

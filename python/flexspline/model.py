@@ -411,12 +411,7 @@ class Model:
         content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
-        if content.get("version") not in (VERSION, CORRECTING):
-            raise InputError(
-                f"{label}: has version {shortened(content.get('version'))} of the format, this "
-                f"flexspline knows version {VERSION} and {CORRECTING}; update flexspline or export "
-                "the model again"
-            )
+        _require_version(content.get("version"), label)
         require_schema(content, label)
         corrects = any("simulated" in content.get(name, {}) for name in SIDES)
         if content["version"] != (CORRECTING if corrects else VERSION):
@@ -465,6 +460,22 @@ class Model:
             return target_of(log.with_facts(facts), part.target, part.known_load)
         except InputError:
             return np.full(len(log), np.nan)
+
+
+def _require_version(version: object, label: str) -> None:
+    """Refuse a version of the format that is missing, is no number or is not known here."""
+    known = f"this flexspline reads the versions {VERSION} and {CORRECTING}"
+    if isinstance(version, bool) or not isinstance(version, (int, float)):
+        has = "no version" if version is None else f"the version {shortened(repr(version), 40)}"
+        raise InputError(
+            f"{label}: has {has} of the format where a number belongs; {known}: write the one that "
+            "it is of as a number, or fit the model again"
+        )
+    if version not in (VERSION, CORRECTING):
+        raise InputError(
+            f"{label}: has version {version} of the format, and {known}; update flexspline or "
+            "export the model again"
+        )
 
 
 def _of_numbers(joint: JointNumbers, target: str, label: str) -> Model:

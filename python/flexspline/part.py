@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -68,6 +69,7 @@ class Part:
             )
         if not np.isfinite(values).all():
             raise InputError("a coefficient is not finite; give numbers")
+        _require_ranges(self.record)
 
     @property
     def unit(self) -> str:
@@ -110,6 +112,18 @@ class Part:
     def preparing(self, ways: Iterable[Preparation]) -> Part:
         """Return the part whose effects read channels made in these ways."""
         return replace(self, record={**self.record, "prepared": [way.to_json() for way in ways]})
+
+
+def _require_ranges(record: Mapping[str, Any]) -> None:
+    """Refuse ends of a range that are reversed or not finite: every row would be outside of it."""
+    ranges = [(f"validity of {name}", ends) for name, ends in record.get("validity", {}).items()]
+    ranges += [("target_range", record["target_range"])] if "target_range" in record else []
+    for what, (low, high) in ranges:
+        if not -math.inf < low <= high < math.inf:
+            raise InputError(
+                f"{what} = [{low:g}, {high:g}] is no range; give the lowest and then the highest "
+                "value, or fit the model again"
+            )
 
 
 def part_to_json(part: Part) -> dict[str, Any]:

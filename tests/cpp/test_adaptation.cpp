@@ -119,6 +119,7 @@ TEST_CASE("where all is excited it is least squares with exponential forgetting"
     y_before = y;
   }
   CHECK(rig.state.moved[0] == doctest::Approx(1.2).epsilon(0.05));
+  CHECK(rig.state.told == 2);
   const double det = plain.r00 * plain.r11 - plain.r01 * plain.r01;
   CHECK(rig.state.factor[2] == doctest::Approx(plain.r00 / det).epsilon(1e-9));
   CHECK(rig.state.factor[1] * rig.state.factor[2] ==
@@ -160,6 +161,7 @@ TEST_CASE_TEMPLATE("one direction alone, however long, leaves the other as it wa
   CHECK(zeta == doctest::Approx(-math::expm1_negative(0.125) / 100).epsilon(1e-3));
   const double said = (rig.value(0) - 5) + 0.5 * (rig.value(1) - 8);
   CHECK(said == doctest::Approx(0.6).epsilon(0.02));
+  CHECK(rig.state.told == 1);
   CHECK(std::abs(rig.value(0) - 5) < 0.6);
   CHECK(std::abs(rig.value(1) - 8) < 0.6);
 }
@@ -214,6 +216,7 @@ TEST_CASE_TEMPLATE("what two of four directions say leaves the other two as they
   const double second = double(now[1]) + double(now[2]) - double(now[3]);
   CHECK(first == doctest::Approx(0.3).epsilon(0.2));
   CHECK(second == doctest::Approx(-0.2).epsilon(0.2));
+  CHECK(rig.state.told == 2);
 }
 
 TEST_CASE_TEMPLATE("ten million blocks do not make it drift", S, float, double) {

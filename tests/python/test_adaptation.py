@@ -49,6 +49,39 @@ def test_friction_that_rises_by_a_fifth_is_followed(fitted: Model, seed: int) ->
     assert np.abs(np.median(found, axis=1)).max() < 0.015  # without it: 0.11 in the middle
 
 
+def at_speeds(seconds: float, seed: int, falls: float, *speeds: float) -> tuple[Log, np.ndarray]:
+    """To and fro in strokes of 2 s at these speeds [rad/s] in turn; friction falls by a share."""
+    log, _ = rig.log(seconds, seed)
+    time, random = log["time"], np.random.default_rng(seed)
+    size = np.array(speeds)[(time // 4.0).astype(int) % len(speeds)]
+    v = size * np.clip(8.0 * np.sin(2.0 * np.pi * time / 4.0), -1.0, 1.0)
+    a, worn = np.gradient(v, time), 1.0 - falls * time / seconds
+    output = rig.INERTIA * a + worn * (COULOMB * np.tanh(v / rig.WIDTH) + VISCOUS * v)
+    output += rig.ar_noise(random, len(time), 0.95, 0.25)
+    columns = {"motor_torque": output / rig.RATIO, "output_velocity": v, "output_acceleration": a}
+    return log.with_columns(columns, note="strokes"), worn
+
+
+def said_of_split(made: Estimate) -> list[str]:
+    return [doubt for doubt in made.doubts if "rounds of the adaptation" in doubt]
+
+
+def test_one_speed_does_not_tell_level_from_viscosity_and_that_is_said(fitted: Model) -> None:
+    log, worn = at_speeds(1200.0, 4, 0.3, 0.5)
+    made = flexspline.estimate(learner(fitted), log)
+    level, viscosity = (made[name][-1] for name in NAMES)
+    assert level + 0.5 * viscosity == pytest.approx((COULOMB + 0.5 * VISCOUS) * worn[-1], rel=0.03)
+    assert level > 1.15 * COULOMB * worn[-1] and viscosity < 0.85 * VISCOUS * worn[-1]
+    (said,) = said_of_split(made)
+    assert "the motion tells 1 of 2 directions of coulomb_friction.level, visc" in said
+    log, worn = at_speeds(1200.0, 4, 0.3, 0.2, 0.8)
+    made = flexspline.estimate(learner(fitted), log)
+    assert made[NAMES[0]][-1] == pytest.approx(COULOMB * worn[-1], rel=0.05)
+    assert made[NAMES[1]][-1] == pytest.approx(VISCOUS * worn[-1], rel=0.05)
+    assert said_of_split(made) == []
+    assert said_of_split(flexspline.estimate(learner(fitted), rig.log(600.0, 5)[0])) == []
+
+
 def test_half_of_the_memory_is_half_as_late(fitted: Model) -> None:
     log, worn = rig.log(1200.0, 3, 0.2)
     late = [

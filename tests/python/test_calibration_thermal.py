@@ -311,7 +311,7 @@ def test_load_at_one_temperature_does_not_show_a_gain_against_temperature() -> N
     assert "gain against temperature" not in str(warm_loads(0.0, 3))
 
 
-def test_both_tests_of_a_sensor_take_noise_and_errors_from_one_function(
+def test_all_tests_of_a_sensor_take_noise_and_errors_from_one_function(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     callers = []
@@ -322,8 +322,8 @@ def test_both_tests_of_a_sensor_take_noise_and_errors_from_one_function(
 
     monkeypatch.setattr(structure, "parameter_uncertainty", noted)
     made = warm_loads(1e-3, 3)
-    assert made.zero_test is not None and made.gain_test is not None
-    assert len(callers) == 3 and set(callers) == {"wald_test"}  # and whether bend shows
+    assert None not in (made.zero_test, made.gain_test, made.delay_test)
+    assert len(callers) == 4 and set(callers) == {"wald_test"}  # and whether bend shows
 
 
 BENT = Bench(ripple=0.0, lag=LAG)

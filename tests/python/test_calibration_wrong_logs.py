@@ -9,6 +9,7 @@ from calibration_logs import QUIET, SENSITIVITY, Bench
 
 from flexspline import InputError, calibrate
 from flexspline.logs.log import Log
+from flexspline.logs.repairs import repaired
 
 LOAD, DRIFT = bench.load_run(), bench.drift_run(cooling=True)
 
@@ -248,3 +249,80 @@ def test_another_channel_can_be_the_reference() -> None:
     log = changed(bench.without(LOAD, "reference_torque"), sensor_torque=LOAD["reference_torque"])
     made = calibrate(log, reference="sensor_torque", degree=0)
     assert made["sensitivity"].value == calibrate(LOAD, degree=0)["sensitivity"].value
+
+
+@pytest.mark.parametrize("channel", ["sensor_voltage", "reference_torque"])
+@pytest.mark.parametrize("width", [1, 2])
+def test_spikes_are_named_with_rows_and_repair_and_no_zero_is_said_to_move(
+    channel: str, width: int
+) -> None:
+    values = LOAD[channel].copy()
+    rows = np.array([157, 905, 1424, 1503, 1602])
+    for k in range(width):
+        values[rows + k] += 20.0 * np.ptp(LOAD[channel]) * np.array([1, -1, 1, 1, 1])
+    spiked = changed(LOAD, **{channel: values})
+    made = calibrate([spiked, DRIFT])
+    first = made.warnings[0]
+    assert first.startswith(f"load: {channel} leaps in {5 * width} single rows (157, ")
+    assert first.endswith(f"ask for the repair drop_spikes={channel}")
+    assert made.spiked == (channel,)
+    verdict = str(made).partition("parameter")[0]
+    assert f"single rows of {channel} leap (repair drop_spikes)" in " ".join(verdict.split())
+    assert "the zero moved" not in verdict
+    mended = calibrate([repaired(spiked, [f"drop_spikes={channel}"]), DRIFT])
+    sound = calibrate([LOAD, DRIFT])["sensitivity"]
+    assert mended["sensitivity"].value == pytest.approx(sound.value, abs=sound.standard_error)
+    assert mended.spiked == ()
+
+
+def test_what_is_strange_in_a_run_is_said_with_what_to_do() -> None:
+    late = np.arange(len(LOAD)) / 10.0
+    late[900:] += 100.0
+    (said,) = [s for s in calibrate(changed(LOAD, time=late), degree=0).warnings if "load: " in s]
+    assert said.count(". ") == 1 and said.endswith(".")
+
+
+def waved(late: float, hertz: float, memory: float = 0.2) -> Log:
+    """Twenty seconds of a sine of 40 Nm whose reference is recorded so many seconds late."""
+    made_of, time = Bench(memory=memory), np.arange(20_000) / 1000.0
+    true, seen = (40.0 * np.sin(2.0 * np.pi * hertz * (time - d)) for d in (0.0, late))
+    log = bench.recorded("wave", true, np.full(len(time), 25.0), made_of, 3, 1000.0)
+    noise = np.random.default_rng(10).normal(0.0, made_of.reference_noise, len(time))
+    return changed(log, reference_torque=seen + noise)
+
+
+def said_of_delay(*logs: Log) -> list[str]:
+    return [w for w in calibrate(logs, degree=0).warnings if "looks like hysteresis" in w]
+
+
+@pytest.mark.parametrize("hertz", [0.5, 2.0])
+@pytest.mark.parametrize("late", [0.005, -0.005])
+def test_a_reference_that_is_late_is_measured_and_its_repair_named(
+    late: float, hertz: float
+) -> None:
+    log = waved(late, hertz)
+    made = calibrate(log, degree=0)
+    assert made.delay_test is not None
+    assert made.delay_test.seconds == pytest.approx(late, abs=3.0 * made.delay_test.error)
+    assert made.delay_test.error < 0.1 * abs(late)
+    assert made.delay_test.loop == pytest.approx(2.0 * 40.0 * 2.0 * np.pi * hertz * 0.005, rel=0.1)
+    (said,) = said_of_delay(log)
+    assert "ms late" in said if late > 0.0 else "ms early" in said
+    assert f"ms {'late' if late > 0.0 else 'early'}" in str(made).partition("parameter")[0]
+    repair = said.partition("ask for the repair ")[2].partition(",")[0]
+    assert repair.startswith("shift=reference_torque:" if late > 0.0 else "shift=sensor_voltage:")
+    assert said_of_delay(repaired(log, [repair])) == []
+
+
+def test_hysteresis_is_not_called_a_delay() -> None:
+    for memory in (0.2, 1.0):
+        for hertz in (0.5, 2.0):
+            assert said_of_delay(waved(0.0, hertz, memory)) == []
+    for seed in range(10):
+        for ramp in (False, True):
+            assert said_of_delay(bench.load_run(seed=seed, ramp=ramp)) == []
+
+
+def test_no_delay_is_measured_of_a_load_that_stands_or_is_not_fitted() -> None:
+    assert calibrate(DRIFT, reference=None).delay_test is None
+    assert calibrate(LOAD, degree=0, sensitivity=SENSITIVITY).delay_test is None

@@ -308,3 +308,46 @@ def test_a_merge_at_rest_by_the_link_needs_no_other_field() -> None:
     still, moving = made["external_torque_compliant_observer"], made["external_torque_observer"]
     expected = still + weight * (moving - still)
     np.testing.assert_allclose(made["external_torque_merged"], expected, atol=1e-12)
+
+
+# A zero that moved
+
+
+@cache
+def fitted_by_hand() -> Model:
+    """Drive and torsion fitted to a joint driven by hand, with observer and compliance."""
+    log, known = rigs.rig(0, pushes=16).log, {"known_load": LOAD}
+    friction = ("inertia", "coulomb_friction", "viscous_friction")
+    drive = flexspline.fit(friction, log, "motor_torque", **known).model
+    error = effect("kinematic_error", orders=tuple(rigs.ERROR))
+    gear = flexspline.fit(
+        ["offset", "mesh_compliance", error], log, "torsion", into=drive, **known
+    ).model
+    return gear.with_estimator(Observer(40.0, "motor_torque")).with_estimator(Compliance())
+
+
+def said_of_zero(zero: float, seed: int, *more: str) -> list[str]:
+    """What is doubted of a run whose motor encoder has this zero, rad of the motor."""
+    log = rigs.rig(seed, pushes=16).log
+    columns = {"motor_position": log["motor_position"] + zero}
+    moved = log.with_columns(columns, note="a zero").without({*more}, ())
+    return [d for d in flexspline.estimate(fitted_by_hand(), moved).doubts if "zero" in d]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("zero", [-0.01, 0.01, 0.02])
+def test_an_encoder_whose_zero_moved_since_the_fit_is_doubted_with_its_torque(
+    seed: int, zero: float
+) -> None:
+    (said,) = said_of_zero(zero, seed)
+    torque = float(said.partition("compliance is ")[2].partition(" Nm")[0])
+    assert torque == pytest.approx(zero / 0.01 * 3.3, rel=0.2)  # of a gear that stiffens
+    moved = float(said.partition("moved by ")[2].partition(" rad")[0])
+    assert moved == pytest.approx(abs(zero), abs=0.0015)
+    assert "in either direction" in said
+
+
+def test_a_zero_that_stayed_or_that_the_fit_cannot_tell_is_not_doubted() -> None:
+    for seed in range(1, 6):
+        assert said_of_zero(0.0, seed) == []
+        assert said_of_zero(0.001, seed) == []  # 0.3 Nm, of the 1.3 Nm that the fits miss

@@ -186,6 +186,8 @@ def test_a_wrong_call_is_refused_in_one_sentence():
     motor = Model({"drive": Part("motor_torque", (), np.zeros(0))})
     for models, logs, options, sentence in (
         ({}, runs(), {}, "there is no model to compare"),
+        ([truth()], runs(), {}, "given as a list, and each needs a name; give a dictionary"),
+        (truth(), runs(), {}, "given as a Model, .* or one model alone to flexspline.compare"),
         ({"a": truth()}, [], {}, "there is no log to compare with"),
         ({"a": "joint.json"}, runs(), {}, "'a' is a str; give a model, as flexspline.Model.load"),
         ({"a": truth(), "b": motor}, runs(), {}, "differ in their target"),

@@ -129,6 +129,10 @@ def ripple_of(content):
 DAMAGE = {
     "another format": (lambda c: c.update(format="urdf"), "no flexspline model"),
     "a newer version": (lambda c: c.update(version=2), "version 2"),
+    "a version of the future": (lambda c: c.update(version=3), "reads the versions 1 and 2"),
+    "a version in words": (lambda c: c.update(version="1"), "'1' of the format where a number"),
+    "a version that is true": (lambda c: c.update(version=True), "True of the format where"),
+    "no version": (lambda c: c.pop("version"), "no version of the format where a number"),
     "no joint": (lambda c: c.pop("joint"), "joint"),
     "an unknown entry": (lambda c: c.update(extra=1), "extra"),
     "a part without effects": (lambda c: c["sensor"].pop("effects"), "effects"),
@@ -150,6 +154,14 @@ DAMAGE = {
     "an unknown pair": (lambda c: ripple_of(c).update(harmonics=[[2, "moon"]]), "moon"),
     "an order without its pair": (lambda c: ripple_of(c).update(harmonics=[[2]]), "harmonics"),
     "a negative gear": (lambda c: c["joint"].update(gear_ratio=-1.0), "gear_ratio"),
+    "a validity that is reversed": (
+        lambda c: c["sensor"]["validity"].update(output_velocity=[2.0, -2.0]),
+        "sensor: validity of output_velocity = [2, -2] is no range",
+    ),
+    "a range of the target that is reversed": (
+        lambda c: c["sensor"].update(target_range=[1.0, 0.5]),
+        "target_range = [1, 0.5]",
+    ),
     "an unknown spline": (lambda c: c["joint"].update(output_spline="round"), "output_spline"),
 }
 
@@ -222,6 +234,13 @@ def test_a_part_with_a_coefficient_that_is_not_finite_is_refused(value):
 
 
 # Predictions
+
+
+@pytest.mark.parametrize("ends", [(1.0, 0.0), (np.nan, 1.0), (0.0, np.inf)])
+def test_a_part_with_ends_that_are_no_range_is_refused(ends):
+    for record in ({"validity": {"output_velocity": ends}}, {"target_range": ends}):
+        with pytest.raises(InputError, match=r"(output_velocity|target_range) = .* is no range"):
+            Part("sensor_torque", (effect("offset"),), np.array([1.0]), record=record)
 
 
 def test_components_add_up_to_the_prediction():

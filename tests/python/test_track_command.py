@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from dataclasses import replace
 from functools import cache
@@ -142,6 +143,74 @@ def test_a_run_that_cannot_be_fitted_is_left_out_and_told() -> None:
     )
     assert len(made) == 9
     assert any(remark.startswith("broken is left out") for remark in made.remarks)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_files_that_cannot_be_read_are_left_out_and_told(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    data.mkdir()
+    write_all(data)
+    (data / "2026-12-01.csv").touch()
+    (data / "2027-02-03.csv").write_bytes(bytes(range(256)) * 20)
+    result = call(
+        "track", data, "--target", "sensor_torque", "--effects", EFFECTS, "--out", tmp_path / "out"
+    )
+    assert result.exit_code == 0, result.stderr
+    written = json.loads((tmp_path / "out" / "track.json").read_text())
+    assert len(written["sessions"]) == COUNT
+    for name, why in (("2026-12-01", "the file is empty"), ("2027-02-03", "not a text file")):
+        (said,) = [each for each in written["remarks"] if each.startswith(f"{name} is left out: ")]
+        assert why in said
+    made = history_of(data, target="sensor_torque", effects=EFFECTS.split(","))
+    assert not any("differ" in remark for remark in made.remarks)  # shapes of the first are held
+    for log in data.glob("2027-0[1-4]-*"):
+        log.write_bytes(b"")
+    with pytest.raises(InputError, match=r"2026-12-01\.csv: the file is empty"):
+        history_of(data, target="sensor_torque", effects=EFFECTS.split(","))
+
+
+def test_models_that_cannot_be_read_are_left_out_and_told(tmp_path: Path) -> None:
+    paths = write_models(tmp_path, 3)
+    paths[1].write_text(paths[1].read_text()[:3000])
+    (tmp_path / "joint 2027-02-01.json").touch()
+    for given in (tmp_path, sorted(tmp_path.iterdir())):
+        made = history_of(given)
+        assert made.labels == ("joint 2027-01-04", "joint 2027-01-18")
+        for label in ("joint 2027-01-11", "joint 2027-02-01"):
+            assert any(said.startswith(f"{label} is left out: ") for said in made.remarks)
+
+
+@pytest.mark.parametrize("name", ["copy.csv", "2027-01-09.csv", "2027-01-04 again.csv.gz"])
+def test_a_run_that_is_given_twice_counts_once(tmp_path: Path, name: str) -> None:
+    for week, log in enumerate(runs()[:2]):
+        write_log(log, tmp_path / f"{date(week)}.csv")
+    content = (tmp_path / "2027-01-04.csv").read_bytes()
+    (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith(".gz") else content)
+    made = history_of(tmp_path, target="sensor_torque", effects=EFFECTS.split(","), fixed=HELD)
+    assert made.labels == ("2027-01-04", "2027-01-11")
+    run = name.partition(".")[0]
+    assert [said for said in made.remarks if "counts once" in said] == [
+        f"{run} is left out: it holds the same as the session 2027-01-04, and a session counts "
+        "once; give the right file if it was another one"
+    ]
+
+
+def test_a_model_that_is_given_twice_counts_once(tmp_path: Path) -> None:
+    first, _ = write_models(tmp_path, 2)
+    (tmp_path / "joint 2027-01-05.json").write_bytes(first.read_bytes())
+    other = first.read_text().replace('"made_by": "', '"made_by": "another ')
+    (tmp_path / "joint 2027-01-04_b.json").write_text(other)
+    made = history_of(tmp_path)
+    assert made.labels == ("joint 2027-01-04", "joint 2027-01-11")
+    assert sum("counts once" in said for said in made.remarks) == 2
+
+
+def test_sessions_of_one_day_are_two(tmp_path: Path) -> None:
+    for week, log in enumerate(runs()[:2]):
+        write_log(log, tmp_path / f"2027-01-04 {week}.csv")
+    made = history_of(tmp_path, target="sensor_torque", effects=EFFECTS.split(","), fixed=HELD)
+    assert len(made) == 2
+    assert not any("counts once" in said for said in made.remarks)
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ from flexspline.calibration.runs import (
 )
 from flexspline.calibration.thermal import (
     contrast_names,
+    delay_test,
     gain_test,
     require_own_zeros,
     run_zeros,
@@ -321,6 +322,8 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         zeros=run_zeros(runs, solved.made, solved.sensitivity),
         zero_test=zero_test(runs, solved.made),
         gain_test=gain_test(runs, solved.made),
+        delay_test=delay_test(runs, solved.made, asked.reference),
+        spiked=tuple(dict.fromkeys(channel for run in runs for channel in run.spiked)),
         warnings=(),
     )
     result = replace(result, warnings=(*strange, *warnings_of(result, runs, solved.made)))

@@ -29,6 +29,7 @@ from flexspline.calibration.regression import Alone, Regression, Shape, drift_co
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
 from flexspline.calibration.structure import LEVEL
 from flexspline.calibration.thermal import (
+    DelayTest,
     GainTest,
     RunZero,
     Thermal,
@@ -59,6 +60,7 @@ __all__ = [
     "CalibrationResult",
     "bend_of",
     "held_in_drift",
+    "late_of",
     "percent_text",
     "views_of",
     "warnings_of",
@@ -114,6 +116,8 @@ class CalibrationResult(Views, Rendered):
     zeros : of each run, with `zero_per_run`, else none; the parameters hold their mean.
     zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
     gain_test : whether the gain changes with temperature; None where load was at one temperature.
+    delay_test : whether the reference is late against the sensor; None where that is not shown.
+    spiked : channels of which single rows leap: their calibration is that of these rows.
     warnings : sentences about the runs and the result.
     """
 
@@ -141,6 +145,8 @@ class CalibrationResult(Views, Rendered):
     zeros: tuple[RunZero, ...]
     zero_test: ZeroTest | None
     gain_test: GainTest | None
+    delay_test: DelayTest | None
+    spiked: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -402,6 +408,7 @@ def warnings_of(
         *_attenuation(result, runs, made),
         *_moved(result, runs),
         *_gain(result),
+        *_late(result),
         *_bend(result, runs),
         *_lag(result, made),
         *_beyond(result),
@@ -512,6 +519,34 @@ def _gain(result: CalibrationResult) -> Iterator[str]:
         "works, or fit the gain too: flexspline fit RUN.csv... --into DIR/model.json --out DIR2 "
         "--target sensor_torque --known-load reference_torque --effects "
         "gain_error,gain_temperature_dependence (with the runs and DIR of this calibration)"
+    )
+
+
+def late_of(result: CalibrationResult) -> DelayTest | None:
+    """The delay of the reference, where its loop is more than noise and than calibrations differ.
+
+    Both as `bend_of` asks it of a line.
+    """
+    test, calibration = result.delay_test, result.calibration
+    if test is None or calibration is None or not test.late or result.spiked:
+        return None
+    noise = abs(calibration.sensitivity) * max(white_noise(run.voltage) for run in result.runs)
+    shows = test.loop > max(BENT * noise, DISAGREES * (result.full_scale or 0.0))
+    return test if shows else None
+
+
+def _late(result: CalibrationResult) -> Iterator[str]:
+    """A reference that is late or early against the sensor, which looks like hysteresis."""
+    test = late_of(result)
+    if test is None:
+        return
+    size = plus_minus(1e3 * abs(test.seconds), 1e3 * test.error)
+    way, moved = ("late", test.reference) if test.seconds > 0.0 else ("early", "sensor_voltage")
+    yield (
+        f"the reference is {size} ms {way} against the sensor, which looks like hysteresis and "
+        f"parts the sides of the loop by up to {short(test.loop)} Nm: ask for the repair "
+        f"shift={moved}:{abs(test.seconds):.3g}, unless the loop is as wide where the load "
+        "changes half as fast: then it is the sensor's"
     )
 
 

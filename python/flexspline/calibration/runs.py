@@ -24,6 +24,7 @@ from flexspline.logs.checks.samples import WARMEST
 from flexspline.logs.log import Log, limits_of
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
+from flexspline.logs.spikes import spikes
 
 __all__ = ["CalibrationRun", "calibration_runs", "contrasts", "why_unexcited"]
 
@@ -54,7 +55,8 @@ class CalibrationRun:
     `voltage` V. `torque`: the reference, Nm; zeros where the run is without load. `temperature`:
     °C, or None. `loaded`: whether a reference was recorded. `starts`: true on the first row and
     behind each gap. `contrast`: (R - 1,), row of the run in columns that let each of R runs have
-    its own zero, see `calibration/thermal.py`; read by shapes with such columns alone.
+    its own zero, see `calibration/thermal.py`; read by shapes with such columns alone. `spiked`:
+    channels of which single rows leap.
     """
 
     log: Log
@@ -64,6 +66,7 @@ class CalibrationRun:
     loaded: bool
     starts: NDArray[np.bool_]
     contrast: Array = field(default_factory=lambda: np.zeros(0))
+    spiked: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.voltage)
@@ -198,7 +201,7 @@ def _run(
     warmth = next((n for n in ("temperature", "thermistor_voltage") if n in log), None)
     names += [warmth] if warmth else []
     used = Log({n: log[n] for n in names}, log.facts, log.history, log.source)
-    said = _checked(used, reference if loaded else None)
+    said, spiked = _checked(used, reference if loaded else None)
     if reference is not None and not loaded:
         said.append(f"{log.name}: has no {reference} and is taken to be without load")
     starts = np.zeros(len(log), dtype=bool)
@@ -208,11 +211,15 @@ def _run(
     hot = temperature is not None and float(temperature.max()) > WARMEST
     if hot and warmth == "thermistor_voltage":  # a column has what `check` says of it
         said.append(f"{log.name}: its thermistor reads above {WARMEST:g} °C: check its constants")
-    return CalibrationRun(log, voltage, torque, temperature, loaded, starts), said
+    run = CalibrationRun(log, voltage, torque, temperature, loaded, starts, spiked=spiked)
+    return run, said
 
 
-def _checked(used: Log, reference: str | None) -> list[str]:
-    """Refuse what makes a calibration meaningless; return the other faults as sentences."""
+def _checked(used: Log, reference: str | None) -> tuple[list[str], tuple[str, ...]]:
+    """Refuse what makes a calibration meaningless.
+
+    Returns the other faults as sentences, and the channels of which single rows leap.
+    """
     _require_possible(used)
     findings = check(used)
     findings.raise_errors()
@@ -221,11 +228,27 @@ def _checked(used: Log, reference: str | None) -> list[str]:
     for finding in clipped:
         if _is_saturated(used, finding, reference, stands):
             raise InputError(_saturated(used, finding))
-    return [
-        f"{used.name}: {finding.sentence}"
+    leaping = findings.named("spikes")
+    said = [_spiked(used, finding) for finding in leaping]
+    said += [
+        f"{used.name}: {finding.sentence} {finding.remedy}".rstrip()
         for finding in findings.faults
-        if finding.name not in TOLERATED and finding.name != "clipped_channel"
+        if finding.name not in (*TOLERATED, "clipped_channel", "spikes")
     ]
+    return said, tuple(finding.channel for finding in leaping)
+
+
+def _spiked(log: Log, finding: Finding) -> str:
+    """What single rows that leap make of a calibration: one of 20 times the range is its line."""
+    channel = finding.channel
+    rows = spikes(log["time"], log[channel])
+    largest = rows[np.argmax(np.abs(log[channel][rows] - np.median(log[channel])))]
+    return (
+        f"{log.name}: {channel} leaps in {len(rows)} single row{'s' if len(rows) > 1 else ''} "
+        f"({listed(rows, 5)}), to {log[channel][largest]:.4g} {CHANNELS[channel].unit} in row "
+        f"{largest}: what reads or sends it fails, and all that is said of line, zero, gain and "
+        f"drift may come of these rows; ask for the repair drop_spikes={channel}"
+    )
 
 
 def _require_possible(log: Log) -> None:

@@ -33,6 +33,12 @@ them, Wald's statistic is compared with F:
 The same way it is tested whether the gain changes with temperature, where there was load at several
 (`gain_test`): a column τ (T − T_m) beside all of these.
 
+And whether the reference is late against the sensor (`delay_test`). Of a reference that is late by
+d, r(t) = τ(t − d), the voltage is s r(t + d), to first order s r + s d r′: a column r′ beside all
+of these, where structure has taken what hysteresis there is. Its loop opens with the rate of the
+load, that of hysteresis does not; of a load that changes at one rate alone they are told apart by
+their form, which a hysteresis that slips at once (a friction) shares for a good part.
+
 Temperature enters as a moving mean over a fiftieth of its run, and as one number where it stands
 (`count_temperatures`): a drift that is estimated from the thermometer's noise comes out too small,
 and the rest of it would be a zero that moves.
@@ -58,15 +64,19 @@ from flexspline.calibration.structure import (
     warmth_under_load,
 )
 from flexspline.errors import InputError
+from flexspline.logs.checks.consistency import TOLD
+from flexspline.logs.derive import default_bandwidth, derivative
 from flexspline.logs.quantisation import white_noise
 
 __all__ = [
+    "DelayTest",
     "RunZero",
     "Thermal",
     "ThermalLeg",
     "ZeroTest",
     "contrast_names",
     "count_temperatures",
+    "delay_test",
     "require_own_zeros",
     "run_zeros",
     "thermal_figures",
@@ -362,6 +372,62 @@ def gain_test(runs: Sequence[CalibrationRun], made: Regression) -> GainTest | No
         warmth.middle - half,
         warmth.middle + half,
     )
+
+
+@dataclass(frozen=True)
+class DelayTest:
+    """Whether the channel `reference` is late against the sensor, or early: negative.
+
+    `seconds`, with its standard `error`. `fastest`: rate of the reference, Nm/s, at which its loop
+    is widest.
+    """
+
+    reference: str
+    seconds: float
+    error: float
+    fastest: float
+
+    @property
+    def loop(self) -> float:
+        """How far the sides of the loop are apart that the delay makes, Nm."""
+        return 2.0 * abs(self.seconds) * self.fastest
+
+    @property
+    def late(self) -> bool:
+        """Whether there is a delay, by the rule of `check`."""
+        return abs(self.seconds) > TOLD * self.error
+
+
+def delay_test(
+    runs: Sequence[CalibrationRun], made: Regression, reference: str | None
+) -> DelayTest | None:
+    """Measure the delay of the reference; None where no load changes or other columns take it."""
+    if reference is None or not made.shape.sensitivity:
+        return None
+    try:
+        rates = [_rate(run, reference) for run in runs]
+    except InputError:  # too short, or too slow a recorder, for a derivative
+        return None
+    still = [_still(run) for run in runs]
+    rows = [np.column_stack([rows_of(s, made.shape), r]) for s, r in zip(still, rates, strict=True)]
+    count = rows[0].shape[1]
+    tested = wald_test(still, rows, made.residuals, slice(count - 1, count))
+    if tested is None:
+        return None
+    slope = float(made.coefficients[0])
+    return DelayTest(
+        reference,
+        float(tested.coefficients[0]) / slope,
+        float(tested.errors[0]) / abs(slope),
+        max(float(np.abs(rate).max()) for rate in rates),
+    )
+
+
+def _rate(run: CalibrationRun, reference: str) -> Array:
+    """(N,), Nm/s, of the reference; zeros of a run without load."""
+    if not run.loaded or not np.ptp(run.torque) > 0.0:
+        return np.zeros(len(run))
+    return derivative(run.log, reference, 1, default_bandwidth(run.log["time"], run.torque))
 
 
 def _still(run: CalibrationRun) -> CalibrationRun:

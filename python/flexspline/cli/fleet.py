@@ -141,10 +141,11 @@ def track(
     """Follow one joint over months: what changed since when, and what it will need.
 
     Takes the model.json of each session, or its runs, which are fitted one by one, or a folder of
-    these. Each parameter is looked at over calendar time, temperature accounted for. A change is
-    told where noise alone makes less than one in ten years of weekly sessions, over all parameters
-    together; where two causes explain it as well, both are named. A date for a limit is given only
-    where a change that is told leads there.
+    these. What cannot be read or fitted, or is there twice, is left out and named. Each parameter
+    is looked at over calendar time, temperature accounted for. A change is told where noise alone
+    makes less than one in ten years of weekly sessions, over all parameters together; where two
+    causes explain it as well, both are named. A date for a limit is given only where a change that
+    is told leads there.
 
     DIR receives track.json and report.html. Of fewer than eight sessions nothing is told.
 

@@ -187,9 +187,15 @@ def compare_models(
 
 def _target_of(models: Mapping[str, Model | Fit], target: str | None) -> str:
     """The one target of all models."""
-    if not (isinstance(models, Mapping) and models):
+    if not isinstance(models, Mapping):
         raise InputError(
-            "there is no model to compare; give a mapping, such as {'a': fit, 'b': model}"
+            f"the models to compare are given as a {type(models).__name__}, and each needs a name; "
+            "give a dictionary, such as {'last year': model, 'now': fit}, or one model alone to "
+            "flexspline.compare"
+        )
+    if not models:
+        raise InputError(
+            "there is no model to compare; give a dictionary, such as {'a': fit, 'b': model}"
         )
     for name, one in models.items():
         if not isinstance(one, (Model, Fit)):

@@ -53,12 +53,13 @@ from flexspline.estimators import (
     ReadingChecks,
 )
 from flexspline.estimators.checks import link_part, require_complete
+from flexspline.estimators.external_torque import SATURATED, SLOWEST, fit_rmse
 from flexspline.estimators.sensing import DERIVED
 from flexspline.logs.checks.samples import kelvin
 from flexspline.logs.derive import differentiate_causal, lateness, resample, with_motion
 from flexspline.logs.local_fit import EVEN
 from flexspline.logs.log import Log
-from flexspline.logs.segments import median_step, runs
+from flexspline.logs.segments import median_step, output_velocity, runs
 from flexspline.model import (
     ANGLES,
     PART_OF,
@@ -576,6 +577,10 @@ def _widened(name: str, ends: Sequence[Any]) -> float:
     return min(max(FACTOR * largest, LEAST.get(name, 0.0)), widest)
 
 
+BOTH_WAYS = 0.05
+"""Share of the rows that each direction has to have: of less the observer may not have settled.
+Half and twice of it change nothing of a joint that goes to and fro."""
+
 RESULTS = {
     "sensor": "external_sensor",
     "observed": "external_observer",
@@ -597,7 +602,9 @@ def doubts_of(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> t
     weight = carried_warnings(model) if "compliance" in plan.estimating else []
     scale = [f"{log.name}: {finding.sentence} {finding.remedy}" for finding in kelvin(log)]
     ranges = _of_ranges(model, plan, log, found)
-    return (*weight, *scale, *ranges, *_of_detector(model, plan, log))
+    detector, split = _of_detector(model, plan, log), _of_adaptation(model, plan, log, found)
+    zero = _of_encoder_zero(model, plan, log, found)
+    return (*weight, *scale, *ranges, *detector, *split, *zero)
 
 
 def _of_ranges(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> Iterator[str]:
@@ -681,6 +688,97 @@ def _of_detector(model: Model, plan: Plan, log: Log) -> Iterator[str]:
             f"{listed(derived)}, which is derived from output_position here: {stated} not hold; "
             "record it, or calibrate the detector on logs without it"
         )
+
+
+def _of_encoder_zero(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence where the gear's torque is off the observer's by the same both ways.
+
+    An encoder whose zero moved by ε since the fit makes K ε of every row. The observer's own error
+    is its friction's, which turns with the motion: of the medians of both ways the mean has none
+    of it. It is said where that mean is more than what both parts miss in a row of their fits.
+
+    A gear that stiffens turns a zero into more torque the more it is loaded: the zero is that of
+    the twists, arctan(c_m τ) / (c_m K).
+    """
+    beside = "external_observer" if "external_observer" in found else "external_sensor"
+    if not {"external_compliance", beside} <= found.keys():
+        return
+    missed = _missed_by_gear(model, plan, beside)
+    if missed is None:
+        return
+    by_gear, other = found["external_compliance"], found[beside]
+    mean = _both_ways(plan, log, by_gear - other)
+    if not abs(mean) > missed:
+        return
+    (mesh,) = (e for e in model.parts["torsion"].effects if e.name == MESH)
+    shape = mesh.shapes["mesh_shape"]
+    turned = (np.arctan(shape * by_gear) - np.arctan(shape * other)) / shape
+    zero = _coefficient(model.parts["torsion"], MESH) * abs(_both_ways(plan, log, turned))
+    yield (
+        f"log '{log.name}': external_torque_compliance is {mean:+.3g} Nm off "
+        f"{beside.replace('external', 'external_torque')} in either direction, more than the "
+        f"{missed:.2g} Nm that the parts miss in a row of their fits, as where an encoder's zero "
+        f"moved by {zero:.2g} rad of the motor since the fit of the torsion; set the zero as it "
+        "was, or fit the torsion again"
+    )
+
+
+def _both_ways(plan: Plan, log: Log, apart: Array) -> float:
+    """The mean of the medians of both directions; 0 where their signs or one of them lacks."""
+    try:
+        velocity = output_velocity(with_motion(log))
+    except InputError:  # positions of which no derivative is made
+        return 0.0
+    known, least = np.isfinite(apart), _sliding(plan)
+    ways = [apart[known & (way * velocity >= least)] for way in (1.0, -1.0)]
+    if min(map(len, ways)) < max(BOTH_WAYS * len(log), 1.0):
+        return 0.0
+    medians = [float(np.median(way)) for way in ways]
+    return 0.5 * sum(medians) if min(medians) * max(medians) > 0.0 else 0.0
+
+
+def _missed_by_gear(model: Model, plan: Plan, beside: str) -> float | None:
+    """What the parts of gear and other estimate miss in a row, Nm; None where that is unknown."""
+    other = plan.sensor if beside == "external_sensor" else plan.observed
+    torsion = model.parts.get("torsion")
+    if torsion is None or other is None:
+        return None
+    whole = model.parts[PART_OF[other.target]]
+    errors = fit_rmse(torsion), fit_rmse(whole)
+    if errors[0] is None or errors[1] is None or whole.unit != "Nm":
+        return None
+    return math.hypot(errors[0] / _coefficient(torsion, MESH), errors[1])
+
+
+def _sliding(plan: Plan) -> float:
+    """The speed from which friction of the observed part has its full level, rad/s."""
+    effects = () if plan.observed is None else plan.observed.effects
+    widths = [e.shapes["direction_width"] for e in effects if "direction_width" in e.shapes]
+    return max((SATURATED * width for width in widths), default=SLOWEST)
+
+
+def _of_adaptation(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence where most rounds tell fewer directions than coefficients are adapted.
+
+    Most: a memory is eight rounds, and where half of them tell all, the split is theirs.
+    """
+    entry = plan.estimating.get("adaptation")
+    if entry is None:
+        return
+    names = adapted_units(model, plan)
+    free = [n for n, a, b in zip(names, entry["low"], entry["high"], strict=True) if b > a]
+    ended = np.flatnonzero(np.any(np.diff(found["adapted"], axis=0) != 0.0, axis=1)) + 1
+    told = found["told"][ended]
+    few = int(np.count_nonzero(told < len(free)))
+    if not 2 * few > len(ended):
+        return
+    yield (
+        f"log '{log.name}': in {few} of {len(ended)} rounds of the adaptation the motion tells "
+        f"{int(np.median(told))} of {len(free)} directions of {listed(free)}, as a joint does at "
+        "one speed: what they make together is followed, and how it is split between them comes of "
+        "the covariance of the fit and not of these rows; let the joint run at several speeds "
+        "and angles too, or adapt fewer effects"
+    )
 
 
 def _watched(plan: Plan, detector: Collision) -> set[str]:

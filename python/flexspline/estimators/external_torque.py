@@ -40,6 +40,7 @@ __all__ = [
     "Merge",
     "Observer",
     "factor_of",
+    "fit_rmse",
     "starting_factor",
 ]
 
@@ -383,7 +384,10 @@ class Adaptation(Entry):
     in the block behind has a contact or a flag, and it is within the gate; else every coefficient
     stays as it is, also for years. Blocks count together after an eighth of the memory, so each
     coefficient moves in steps. It starts at the part's coefficients with the covariance of their
-    fit. The formulas stand on top of `flexspline/estimators/adaptation.hpp`.
+    fit. Of a joint that runs at one speed level and viscosity are followed together, and their
+    split is that of this covariance: `estimate` says so, and `state.adaptation.told` on the joint
+    is then less than the number of coefficients. The formulas stand on top of
+    `flexspline/estimators/adaptation.hpp`.
 
     With the use monitor no estimate changes: what was learned is there to be read, in `estimate` as
     columns by the names of the parameters, on the joint by `joint.adapted(state)`, and in the
@@ -479,7 +483,7 @@ class Adaptation(Entry):
                 f"{observer.input} --effects coulomb_friction,viscous_friction --into MODEL.json"
             )
         self._require_effects(part)
-        if self.noise is None and _rmse(part) is None:
+        if self.noise is None and fit_rmse(part) is None:
             raise InputError(
                 f"the estimator adaptation needs the noise of the part for {part.target}, which "
                 "no fit recorded; give noise in Nm"
@@ -525,7 +529,7 @@ class Adaptation(Entry):
 
     def spread(self, part: Part) -> float:
         """The noise of a block, Nm."""
-        found = self.noise if self.noise is not None else _rmse(part)
+        found = self.noise if self.noise is not None else fit_rmse(part)
         assert found is not None
         return found
 
@@ -607,8 +611,8 @@ def factor_of(covariance: Array) -> Array | None:
     return packed
 
 
-def _rmse(part: Part) -> float | None:
-    """The RMSE over all rows of the part's fit, on rows that it did not see where it says so."""
+def fit_rmse(part: Part) -> float | None:
+    """Return the RMSE over all rows of a part's fit, of held-out ones where it says so."""
     for score in part.record.get("scores", ()):
         if score["group"] == "all":
             found = score.get("cv_rmse") or score["rmse"]

@@ -115,6 +115,8 @@ LEARNING = (  # of a chain with an adaptation
     "// joint<float>.adapted(state): coefficients as they are learned, in the order of",
     "//     observed_model; Joint<float>::restart(state) keeps them, state = {} does not;",
     "//     Joint<float> kept = joint<float>; kept.adopt(state); flexspline::save(kept, ...)",
+    "//     state.adaptation.told: directions that the last round of blocks told; of fewer than",
+    "//     coefficients their sum is followed, and their split is that of the fit",
 )
 
 

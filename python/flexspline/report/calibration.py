@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.result import bend_of, held_in_drift, percent_text
+from flexspline.calibration.result import bend_of, held_in_drift, late_of, percent_text
 from flexspline.errors import listed
 from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
@@ -448,12 +448,7 @@ def _faults(result: CalibrationResult) -> list[str]:
     if result.sensitivity_reason:
         what = "not determined" if result.calibration is None else "not fitted but taken as known"
         found.append(f"the sensitivity is {what}, {result.sensitivity_reason}")
-    if _moved(result):
-        found.append("the zero moved between the runs")
-    if result.gain_test is not None and result.gain_test.changes:
-        found.append("the gain changes with temperature")
-    if (bend := bend_of(result)) is not None:
-        found.append(f"a straight line is off by {percent_text(bend[0].percent or 0.0)} %FS")
+    found += _of_the_sensor(result)
     hidden = _hidden(result)
     if hidden:
         found.append(f"not determined alone: {', '.join(hidden).replace('_', ' ')}")
@@ -464,6 +459,23 @@ def _faults(result: CalibrationResult) -> list[str]:
     warned = len([w for w in result.warnings if w != result.uncertainty.statement])
     if warned:
         found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
+    return found
+
+
+def _of_the_sensor(result: CalibrationResult) -> list[str]:
+    """What zero, gain and line are; of a channel with spikes nobody knows."""
+    if result.spiked:
+        return [f"single rows of {listed(result.spiked)} leap (repair drop_spikes)"]
+    found = []
+    if (delay := late_of(result)) is not None:
+        way = "late" if delay.seconds > 0.0 else "early"
+        found.append(f"the reference is {1e3 * abs(delay.seconds):.3g} ms {way}")
+    if _moved(result):
+        found.append("the zero moved between the runs")
+    if result.gain_test is not None and result.gain_test.changes:
+        found.append("the gain changes with temperature")
+    if (bend := bend_of(result)) is not None:
+        found.append(f"a straight line is off by {percent_text(bend[0].percent or 0.0)} %FS")
     return found
 
 

@@ -16,8 +16,9 @@ coefficient, and that would look like wear.
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -397,7 +398,9 @@ def history_of(
     Parameters
     ----------
     paths : `model.json` of each session, or its runs, or a folder of these. A run may be a `Log`
-        with its date as the fact `date`.
+        with its date as the fact `date`. A file that cannot be read is left out, as is a run that
+        cannot be fitted, and a session that is given again (the same file, or the same rows of
+        the same date) counts once: the remarks of the history say so.
     target : which part of the models, or what is explained of the runs.
     model : of runs: its effects and orders are fitted to each, with its shapes held.
     effects : of runs, in the place of a model; the shapes that the first run tells are held.
@@ -417,13 +420,14 @@ def history_of(
     ------
     InputError
         Where a session has no date, models and runs are mixed, targets or units differ, a run is of
-        another gear than the model, effects are missing, or no session can be fitted.
+        another gear than the model, effects are missing, or no session can be read and fitted.
     """
     given = [paths] if isinstance(paths, (str, os.PathLike, Log)) else list(paths)
     logs = [each for each in given if isinstance(each, Log)]
     files = [Path(each) for each in given if not isinstance(each, Log)]
     models = [path for each in files for path in _models_in(each)]
-    runs = [each for each in files if not _models_in(each)]
+    empty = [path for path in files if models and _is_empty(path)]
+    runs = [each for each in files if not _models_in(each) and each not in empty]
     if models and (runs or logs):
         raise InputError(
             f"{[*runs, *logs][0]}: is no model, and {models[0]} is one; give the models of a "
@@ -433,8 +437,7 @@ def history_of(
         raise InputError("there is no session to track; give models or runs of one joint")
     if models:
         table = {} if dates is None else _table(Path(dates))
-        made = [_of_model(path, target, table) for path in models]
-        return _joined(made, _joint_of([Model.load(path).facts for path in models]), ())
+        return _of_models([*models, *empty], target, table)
     part = None if model is None else model.part(target)
     if (part is None) == (effects is None):
         raise InputError("runs are fitted: give either a model or effects, to all the same")
@@ -460,10 +463,41 @@ def history_of(
 
 
 def _models_in(path: Path) -> list[Path]:
-    """The path itself, or the models in the folder that it is."""
+    """The path itself, or the models in the folder that it is, empty files among them."""
     if path.is_dir():
-        return sorted(each for each in path.rglob("*.json") if is_model(each))
+        found = sorted(each for each in path.rglob("*.json") if is_model(each) or _is_empty(each))
+        return found if any(map(is_model, found)) else []
     return [path] if is_model(path) else []
+
+
+def _is_empty(path: Path) -> bool:
+    """Whether a path is a JSON file without a byte, as a copy that was cut off leaves it."""
+    return path.suffix.lower() == ".json" and path.is_file() and not path.stat().st_size
+
+
+class _Seen:
+    """What was said of sessions that are left out, and the names of those that count."""
+
+    def __init__(self) -> None:
+        self.remarks: list[str] = []
+        self.errors: list[InputError] = []
+        self._names: dict[Hashable, str] = {}
+
+    def leave_out(self, name: str, error: InputError) -> None:
+        self.remarks.append(f"{name} is left out: {error}")
+        self.errors.append(error)
+
+    def again(self, name: str, marks: Sequence[Hashable]) -> bool:
+        """Whether a session with one of these marks was there before; it is left out and told."""
+        other = next((self._names[mark] for mark in marks if mark in self._names), None)
+        if other is None:
+            self._names.update(dict.fromkeys(marks, name))
+            return False
+        self.remarks.append(
+            f"{name} is left out: it holds the same as the session {other}, and a session counts "
+            "once; give the right file if it was another one"
+        )
+        return True
 
 
 def _of_one_joint(paths: Sequence[Path], found: Iterable[Session]) -> list[Session]:
@@ -494,35 +528,61 @@ def _fitted(
         Where a run has no date, is of another gear than the model, or none can be fitted.
     """
     made: list[_Estimates] = []
-    remarks, joints, first = [], [], None
+    joints, seen = [], _Seen()
     with Progress("fitting", progress, total=len(sessions), unit="run") as bar:
-        for session in sessions:
-            log = session.read()
-            log = log if model is None else _of_the_gear(model, target, log)
-            when = session.dated(log).date
-            if when is None:
-                raise InputError(
-                    f"{session.path}: has no date; put it into the file's name as 2027-03-14, or "
-                    "give a table of dates"
-                )
+        for session, log, when in _read(sessions, target, model, bar, seen):
             try:
                 fitted = fit(effects, log, target, **shared)
             except InputError as error:
-                first = first or error
-                remarks.append(f"{session.run} is left out: {error}")
-                bar.step()
+                seen.leave_out(session.run, error)
                 continue
             held = _shapes(fitted.part)
-            if first is None and not made and held:
+            if not made and held:
                 effects = fitted.part.effects
                 shared = {**shared, "fixed": {**held, **shared["fixed"]}}
                 fitted = fit(effects, log, target, **shared)
             joints.append(log.facts)
             made.append(_of_part(session.run, when, fitted.part, _warmth(log)))
-            bar.step()
     if not made:
-        raise first or InputError("there is no run to fit; give at least one")
-    return _joined(made, _joint_of(joints), remarks)
+        raise next(iter(seen.errors), InputError("there is no run to fit; give at least one"))
+    return _joined(made, _joint_of(joints), seen.remarks)
+
+
+def _read(
+    sessions: Sequence[Session | _Given],
+    target: str,
+    model: Model | None,
+    bar: Progress,
+    seen: _Seen,
+) -> Iterator[tuple[Session | _Given, Log, datetime]]:
+    """Yield each session that can be read and was not there before, with its run and date."""
+    for session in sessions:
+        try:
+            log = session.read()
+        except InputError as error:
+            seen.leave_out(session.run, error)
+            bar.step()
+            continue
+        log = log if model is None else _of_the_gear(model, target, log)
+        when = session.dated(log).date
+        if when is None:
+            raise InputError(
+                f"{session.path}: has no date; put it into the file's name as 2027-03-14, or "
+                "give a table of dates"
+            )
+        if not seen.again(session.run, _marks(log, when)):
+            yield session, log, when
+        bar.step()
+
+
+def _marks(log: Log, when: datetime) -> list[Hashable]:
+    """What two sessions share only if they are one: the bytes of their file, or date and rows."""
+    rows = hashlib.sha256()
+    for name in sorted(log.channels):
+        rows.update(name.encode())
+        rows.update(log[name].tobytes())
+    own = [] if log.source is None else [log.source.sha256]
+    return [*own, (when, rows.hexdigest())]
 
 
 def _of_the_gear(model: Model, target: str, log: Log) -> Log:
@@ -540,11 +600,40 @@ def _warmth(log: Log) -> float:
     return np.nan if found is None else found
 
 
+def _of_models(
+    paths: Sequence[Path], target: str | None, table: Mapping[str, tuple[datetime, float]]
+) -> History:
+    """The history of models; one that cannot be read is left out and said to be."""
+    made, joints, seen = [], [], _Seen()
+    for path in paths:
+        try:
+            model = Model.load(path)
+        except InputError as error:
+            seen.leave_out(_label(path), error)
+            continue
+        its = _of_model(path, model, target, table)
+        logs = [entry.get("sha256") for entry in model.part(target).record.get("logs", ())]
+        marks: list[Hashable] = [hashlib.sha256(path.read_bytes()).hexdigest()]
+        marks += [("logs", *logs)] if logs and all(logs) else []
+        if np.isfinite(its.values).any():
+            marks.append((its.date, its.names, its.values.tobytes(), its.covariance.tobytes()))
+        if not seen.again(its.label, marks):
+            made.append(its)
+            joints.append(model.facts)
+    if not made:
+        raise seen.errors[0]
+    return _joined(made, _joint_of(joints), seen.remarks)
+
+
+def _label(path: Path) -> str:
+    """What the session of a model is called: by its folder, where the file is but model.json."""
+    return path.parent.name if path.stem == "model" and path.parent.name else path.stem
+
+
 def _of_model(
-    path: Path, target: str | None, table: Mapping[str, tuple[datetime, float]]
+    path: Path, model: Model, target: str | None, table: Mapping[str, tuple[datetime, float]]
 ) -> _Estimates:
     """What a model.json tells of its session."""
-    model = Model.load(path)
     part = model.part(target)
     if "covariance" not in part.record:
         raise InputError(f"{path}: holds no errors; give a model that fit has made")
@@ -562,8 +651,7 @@ def _of_model(
     if not np.isfinite(warm):
         ranges = part.record.get("validity", {})
         warm = next((float(np.mean(ranges[name])) for name in WARMTHS if name in ranges), np.nan)
-    label = path.parent.name if path.stem == "model" and path.parent.name else path.stem
-    return _of_part(label, when, part, warm)
+    return _of_part(_label(path), when, part, warm)
 
 
 def _of_part(label: str, when: datetime, part: Part, temperature: float) -> _Estimates:

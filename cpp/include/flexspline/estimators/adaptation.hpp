@@ -30,6 +30,11 @@
 /// and a round says enough of a direction where d_i (half the range of its pivot's coefficient)² ≥
 /// least_information: it is then known to a √(8 · least_information)th of half its range or better.
 ///
+/// Of fewer directions than coefficients, as a joint that runs at one speed tells of level and
+/// viscosity, their sum on these directions is followed and its split is that of P: a change of one
+/// coefficient goes into all of them, and P does not show it, for nothing was forgotten beside. `told`
+/// is the number of directions of the last round.
+///
 /// Each coefficient stays within [low, high]: one that would leave is held at its end, and the
 /// others move as P says of them, given that one. One whose ends are equal is not adapted. D stays
 /// below the square of half its range, and above what the number type can tell of that.
@@ -135,6 +140,7 @@ struct Adaptation {
     S wait = 0;            ///< s since the last good sample, for a caller that counts it here
     bool started = false;
     bool open = false;
+    std::uint8_t told = 0;  ///< directions of which the last round said enough
     std::uint32_t round_blocks = 0;
     std::uint32_t taught = 0;   ///< blocks, up to the most that it holds
     std::uint32_t refused = 0;  ///< blocks beyond the gate
@@ -411,6 +417,7 @@ struct Adaptation {
     for (std::size_t k = 0; k < N; ++k) next.moved[k] += moved[k];
     hold(config, next, most);
     if (is_finite(next)) state = next;
+    state.told = static_cast<std::uint8_t>(round.count);
   }
 
   /// R ← R − (1 − λ) H (Hᵀ P H)⁻¹ Hᵀ, a direction at a time, each orthogonal in P to those before.
