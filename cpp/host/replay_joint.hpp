@@ -239,8 +239,8 @@ inline void replay_joint(LogJoint joint, const JointLog& log, const JointResults
       if (to.adapted != nullptr) {
         const auto now = joint.adapted(state);
         std::copy(now.begin(), now.end(), to.adapted + row * now.size());
-        to.told[row] = state.adaptation.told;
       }
+      if (to.told != nullptr) to.told[row] = state.adaptation.told;
       return status;
     });
   }
