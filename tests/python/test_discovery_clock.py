@@ -238,7 +238,7 @@ def test_what_a_filter_of_the_torque_makes_of_reversals_is_no_presliding(target:
     """It stands a delay of 10 ms for what is a lag of 16 ms, and the rest is like a spring's."""
     made = flexspline.discover(PLAIN, filtered(target, 10.0), target=target)
     assert made.names == ()
-    assert "the filter by which the torque is late" in made.refused["presliding_friction"]
+    assert "by which the torque is late" in made.refused["presliding_friction"]
     assert {fault.name for fault in made.data_faults} == {"torque_delay"}
 
 
@@ -255,3 +255,24 @@ def test_presliding_beside_a_late_sensor_keeps_its_name(late: float) -> None:
     ]  # fmt: skip
     made = flexspline.discover(PLAIN, logs, target="sensor_torque")
     assert made.names == ("presliding_friction",)
+
+
+def test_friction_as_late_as_the_sensor_makes_presliding_beside_its_lag_unsure() -> None:
+    """A lag in the model is one of the load alone: what it leaves of friction is like a spring."""
+    logs = []
+    for log in filtered("sensor_torque", 10.0):
+        time, kept = np.arange(200_000) / 5000.0, np.exp(-2.0 * np.pi * 10.0 / 5000.0)
+        waves_of = ((12.0, 0.23, 0.4), (8.0, 0.61, 1.0), (4.0, 1.3, 2.0))
+        load = np.asarray(sum(a * np.sin(2.0 * np.pi * f * time + p) for a, f, p in waves_of))
+        late = lfilter([1.0 - kept], [1.0, -kept], load, zi=[kept * load[0]])[0]
+        noise = np.random.default_rng([len(logs), 3]).normal(0.0, 0.05, len(log))
+        channels = {
+            "reference_torque": load[::20] + noise,
+            "sensor_torque": log["sensor_torque"] + late[::20],
+        }
+        logs.append(log.with_columns(channels, note="under a load"))
+    made = flexspline.discover(PLAIN, logs, target="sensor_torque", known_load=LOAD)
+    assert made.found[0].effect == "sensor_lag" and made.found[0].confidence > 0.9
+    for other in made.found[1:]:
+        assert other.confidence <= 0.5
+    assert "friction that is as late as the sensor" in str(made)

@@ -67,6 +67,10 @@ UNTRIED = (
     " The confidence is lower for {}, which was not tried and may be what this is: motor_current "
     "explains most of it, and torque_constant is not stated (state 1 where it is not known)."
 )
+LATE_FRICTION = (
+    " The confidence is lower for friction that is as late as the sensor: the lag of the model is "
+    "one of its load alone, and such friction explains most of this."
+)
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
 
 
@@ -391,10 +395,11 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases, untried = sum(r.alias for r in rivals), made.searcher.by_untried(made.final, name)
     retained = left.retained.get(name, 1.0)
-    sure = confidence(gain, above, retained, left.gain, aliases + bool(untried))
+    late = made.searcher.by_late_friction(made.final, name)
+    sure = confidence(gain, above, retained, left.gain, aliases + bool(untried) + late)
     if sure < LEAST and made.closes_most(name):
         sure = LEAST  # it is no part of what is left, whatever that is
-    more = UNTRIED.format(untried) if untried else ""
+    more = (UNTRIED.format(untried) if untried else "") + (LATE_FRICTION if late else "")
     return Sure(sure, doubt(gain, retained, left.gain, left.channels) + more)
 
 

@@ -62,6 +62,7 @@ from flexspline.effects import CATALOGUE, UNITS, Effect, Harmonic
 from flexspline.effects.causes import (
     COULOMB,
     GRAVITY,
+    LAG,
     ONE_SINE,
     PRESLIDING,
     STRIBECK,
@@ -73,7 +74,7 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
-from flexspline.regression.candidate_model import CandidateModel, refitted, started
+from flexspline.regression.candidate_model import CandidateModel, refitted, solved_at, started
 from flexspline.regression.gram import (
     Columns,
     Given,
@@ -265,7 +266,23 @@ MOTOR_TORQUE, MOTOR_CURRENT = "motor_torque", "motor_current"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 UNMODULATED = "the same orders explain as much with one amplitude at all speeds"
 BY_SMOOTHING = "the motion smoothed more or less explains as much"
-BY_FILTER = "the filter by which the torque is late explains as much"
+BY_FILTER = "the filter or delay by which the torque is late explains as much"
+
+
+def _filtered(
+    problem: Problem, told: Sequence[Array], sooner: float, constant: float
+) -> tuple[Array, ...]:
+    """What a first-order filter of a time constant changes of values (N,) of each run, s, and what
+    taking them sooner does."""
+    changed = list[Array]()
+    for values, run in zip(told, problem.runs, strict=True):
+        time = run.log["time"]
+        moved = np.interp(time + sooner, time, values)
+        if constant > 0.0:
+            kept = np.exp(-median_step(time) / constant)
+            moved, _ = lfilter([1.0 - kept], [1.0, -kept], moved, zi=[kept * moved[0]])
+        changed.append(moved - values)
+    return tuple(changed)
 
 
 @dataclass
@@ -668,22 +685,40 @@ class Searcher:
         return whole and self._loses_most(work, effect, blur)
 
     def _by_filter(self, work: CandidateModel, effect: Effect) -> bool:
-        """Whether an effect loses most of what it gains to what a filter leaves beside its delay.
+        """Whether an effect loses most of what it gains to the rest of a first-order filter.
 
-        Of a torque behind a first-order filter, which has made half of a step after ln 2 of its
-        time constant: by that it was taken for late.
+        All of a late torque was moved by what such a filter takes for half of a step: ln 2 of its
+        time constant.
         """
-        late, problem, rest = self.context.late, self.context.problem, work.without(effect.name)
+        late, problem = self.context.late, self.context.problem
         if not late:
             return False
-        left = list[Array]()
-        for number, run in enumerate(problem.runs):
-            told, time = rest.predict(problem, number), run.log["time"]
-            kept = np.exp(-np.log(2.0) * median_step(time) / late)
-            sooner = np.interp(time + late, time, told)
-            behind, _ = lfilter([1.0 - kept], [1.0, -kept], sooner, zi=[kept * sooner[0]])
-            left.append(behind - told)
-        return self._loses_most(work, effect, tuple(left))
+        rest = self._solved_without(work, effect.name)
+        told = [rest.predict(problem, number) for number in range(len(problem.runs))]
+        return self._loses_most(work, effect, _filtered(problem, told, late, late / np.log(2.0)))
+
+    def by_late_friction(self, work: CandidateModel, name: str) -> bool:
+        """Whether a loop loses most of what it gains to friction that is as late as the sensor.
+
+        The lag of a sensor is one of its load: of friction that is late, by a filter or by a delay,
+        there is no effect.
+        """
+        if name not in LOOPS or LAG not in {effect.name for effect in work.effects}:
+            return False
+        problem, rest = self.context.problem, self._solved_without(work, name)
+        seconds = max(float(rest.values(LAG)[0]), 0.0)
+        losing = {e.name for e in rest.effects if e.info.traits.dissipative}
+        own = np.isin(rest.effect_of, [*losing])
+        friction = replace(rest, coefficients=np.where(own, rest.coefficients, 0.0))
+        told = [friction.predict(problem, number) for number in range(len(problem.runs))]
+        effect = next(e for e in work.effects if e.name == name)
+        ways = [_filtered(problem, told, 0.0, seconds), _filtered(problem, told, -seconds, 0.0)]
+        return any(self._loses_most(work, effect, way) for way in ways)
+
+    def _solved_without(self, work: CandidateModel, name: str) -> CandidateModel:
+        """The model without an effect, with the coefficients that it then has."""
+        problem = self.context.thinned().problem
+        return solved_at(problem, work.without(name), self.whitening)[0]
 
     def _loses_most(self, work: CandidateModel, effect: Effect, column: tuple[Array, ...]) -> bool:
         """Whether an effect keeps less than half of what it gains beside a column of each run."""
