@@ -199,13 +199,20 @@ def test_an_encoder_that_rests_and_moves_evenly_is_no_quieter_than_its_quantum(b
     assert made.noise == pytest.approx(2.0 * np.pi / 2**bits / np.sqrt(12.0), rel=0.01)
 
 
+def of_a_torque(time: Array, *runs: Array) -> ChannelNoise:
+    logs = [Log.from_arrays(time=time, sensor_torque=values) for values in runs]
+    made = channel_noise(logs, "sensor_torque")
+    assert made is not None
+    return made
+
+
 @pytest.mark.parametrize("noise", [0.002, 0.02])
 @pytest.mark.parametrize("hertz", [0.1, 0.37, 0.9])
 def test_a_channel_that_steps_has_the_noise_between_its_steps(hertz: float, noise: float) -> None:
     time, values = signal(1)
     values = values + 2.0 * np.sign(np.sin(2.0 * np.pi * hertz * time + 0.1))
     values += np.random.default_rng(2).normal(0.0, noise, SAMPLES)
-    made = noise_of(log_of(time, values), log_of(time, values[::-1].copy()))
+    made = of_a_torque(time, values, values[::-1].copy())
     assert made.noise == pytest.approx(noise, rel=0.1)
     assert not made.noisy  # nothing is smoothed that steps
 
@@ -214,7 +221,7 @@ def test_spikes_are_no_steps_and_the_noise_that_they_are() -> None:
     time, values = signal(1)
     generator = np.random.default_rng(2)
     spikes = np.where(generator.random(SAMPLES) < 0.002, 2.0, 0.0)
-    made = noise_of(log_of(time, values + spikes))
+    made = of_a_torque(time, values + spikes)
     assert made.noise == pytest.approx(2.0 * np.sqrt(0.002), rel=0.3)
 
 
@@ -223,5 +230,5 @@ def test_a_slow_channel_steps_by_its_quantum_and_has_the_noise_of_it(bits: int) 
     time, values = signal(1)
     step = 2.0 / 2**bits
     slow = np.interp(np.linspace(0.0, 0.05, SAMPLES), np.linspace(0.0, 1.0, SAMPLES), values)
-    made = noise_of(log_of(time, step * np.round(slow / step)))
+    made = of_a_torque(time, step * np.round(slow / step))
     assert made.noise >= step / np.sqrt(12.0) * (1.0 - 1e-9)

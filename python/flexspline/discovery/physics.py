@@ -84,9 +84,8 @@ def _not_its_form(work: CandidateModel, name: str, problem: Problem) -> str:
         SETTINGS.told * problem.scatter
     ):
         return "its loop would be no wider than the noise of the load"
-    if name == LAG and values[0] < 0.0:
-        late = "load" if problem.known_load is not None else "motion"
-        return f"a sensor cannot read a torque before it is there: the {late} may be late"
+    if name == LAG and problem.known_load is not None and values[0] < 0.0:
+        return "a sensor cannot read a torque before it is there"
     if name == CROSSTALK and np.abs(values).max() > 0.5 * _ratio(problem):
         return "it would be most of what the gear transmits: the motor carries the load"
     return ""

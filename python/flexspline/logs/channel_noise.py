@@ -6,11 +6,11 @@ flat: quantisation of a signal that moves over many steps [Widrow1956] and elect
 the level of the highest octave, and no less than a quantum Q leaves, Q²/12 over the whole band:
 where a joint stands or moves evenly the error of its encoder is no noise but a few lines, between
 which, and so in the median over an octave, there is less than in the motion that a model learns
-from. A channel that steps from one row to the next, such as the load of a brake or a torque that
-turns over, has a signal in that octave, too: N is that of the short pieces without such a step. The
-bandwidth is the highest frequency with S > N: below it the channel speaks, above it only
-its noise does. The best smoother for a derivative of order k is the one whose response G loses and
-lets pass the least,
+from. A torque or a current that steps from one row to the next, such as that of a brake or of
+friction that turns over, has a signal in that octave, too: N is that of the short pieces without
+such a step. No angle, speed or temperature steps. The bandwidth is the highest frequency with
+S > N: below it the channel speaks, above it only its noise does. The best smoother for a derivative
+of order k is the one whose response G loses and lets pass the least,
 
     ∫ (2πf)^2k [(1 − G)² S + G² N] df,
 
@@ -39,6 +39,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.local_fit import WIDEST, LocalFit, response
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
@@ -55,6 +56,7 @@ DIFFERENCES = 2
 PIECE = 64  # rows of a short piece: 16 frequencies in the highest octave
 STEPS = 0.5  # of the squared changes within a piece, that one change has which is not undone at
 # once: of 63 changes by noise the largest has a sixth; and what of it the row beside may undo
+STEPPING = ("Nm", "A")  # units of channels that may step
 LEAST = 3.0  # quanta of a step: a slow signal goes by one
 KEPT = 0.25  # of the pieces, that have to be without a step
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
@@ -174,7 +176,7 @@ def _told(
     kept = _KEPT.setdefault(log, {})
     if (channel, rate) not in kept:
         time, values = log["time"], log[channel]
-        least = LEAST * quantum(values)
+        least = LEAST * quantum(values) if CHANNELS[channel].unit in STEPPING else np.inf
         made = kept[channel, rate] = []
         for first, last in runs(time):
             if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
