@@ -238,9 +238,8 @@ def _by_regression(
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(*with_unwrapped_angles(runs, faults), target)
     inputs, ways = learned(runs, target, load, bandwidth, task.threads)
-    runs, faults, late = with_torque_on_time(
-        runs, faults, target
-    )  # moving a channel takes of its noise
+    # moving a channel takes of its noise, which is known now
+    runs, faults, late = with_torque_on_time(runs, faults, target)
     scatter = inputs[load].noise if load in inputs else 0.0
     task = replace(task, preparations=tuple(ways), scatter=scatter, late=late)
     free = freedoms(task.effects, target, load, runs, inputs)

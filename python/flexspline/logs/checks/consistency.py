@@ -1189,7 +1189,7 @@ def _torque_within(motion: Motion) -> float:
 
 def _position_delay(log: Log, channel: str) -> Delay | None:
     """Delay of a position behind the sensor's torque; None where the run tells none."""
-    found = _drive_delay(log, SENSOR) if SENSOR in log and LOAD not in log else None
+    found = _delay_of_torque(log, SENSOR) if SENSOR in log else None
     return None if found is None else replace(found, seconds=-found.seconds)
 
 
@@ -1199,9 +1199,12 @@ def _behind_motion(motion: Motion, columns: Array, reading: Array) -> Delay | No
     return find_delay(motion.time, reading, columns, motion.inside(within), within, scan)
 
 
-def _drive_delay(log: Log, channel: str) -> Delay | None:
-    """Delay of a drive behind its motion, of the whole run; None where the run tells none."""
-    motion = motion_of(log)
+def _delay_of_torque(log: Log, channel: str) -> Delay | None:
+    """Delay of a torque behind its motion, of the whole run; None where the run tells none.
+
+    Nor does that of a sensor beside a load, which may be late itself.
+    """
+    motion = motion_of(log) if channel != SENSOR or LOAD not in log else None
     if motion is None or not _both_ways(motion) or not np.ptp(log[channel][motion.rows]) > 0:
         return None
     return _behind_motion(motion, motion_columns(log, motion), motion.smooth(log[channel]))
@@ -1455,7 +1458,7 @@ def with_shared_delays(logs: Sequence[Log], made: Sequence[Findings]) -> list[Fi
     """
     told = list(made)
     late = dict.fromkeys(PAIRS, (VELOCITY_DELAY, velocity_delay, late_velocity))
-    late |= dict.fromkeys((*DRIVE, SENSOR), (TORQUE_DELAY, _drive_delay, _late_drive))
+    late |= dict.fromkeys((*DRIVE, SENSOR), (TORQUE_DELAY, _delay_of_torque, _late_drive))
     late["output_position"] = POSITION_DELAY, _position_delay, _late_position
     for channel, (name, delay_of, finding_of) in late.items():
         beside = PAIRS.get(channel, "output_position")
