@@ -36,8 +36,8 @@ The same way it is tested whether the gain changes with temperature, where there
 And whether the reference is late against the sensor (`delay_test`). Of a reference that is late by
 d, r(t) = τ(t − d), the voltage is s r(t + d), to first order s r + s d r′: a column r′ beside all
 of these, where structure has taken what hysteresis there is. Its loop opens with the rate of the
-load, that of hysteresis does not; of a load that changes at one rate alone they are told apart by
-their form, which a hysteresis that slips at once (a friction) shares for a good part.
+load, that of hysteresis does not; of a load that changes at one rate alone only their forms differ,
+and a hysteresis that slips at once (a friction) shares a good part of a delay's.
 
 Temperature enters as a moving mean over a fiftieth of its run, and as one number where it stands
 (`count_temperatures`): a drift that is estimated from the thermometer's noise comes out too small,

@@ -213,7 +213,8 @@ def with_torque_on_time(
 
     size = f"{short(seconds / milli)} ms"
     said = f"all else moved {size} later" if torque else f"the motion moved {size} earlier"
-    said = f"Names are looked for with {said}."
+    middle = ", the median of the runs" if len({fault.size for fault in late}) > 1 else ""
+    said = f"Names are looked for with {said}{middle}."
     told = [replace(f, sentence=f"{f.sentence} {said}") if f in late else f for f in faults]
     on_time = [moved(log) if log in has else log for log in logs]
     return on_time, tuple(told), seconds if torque else 0.0

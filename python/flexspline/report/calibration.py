@@ -469,7 +469,8 @@ def _of_the_sensor(result: CalibrationResult) -> list[str]:
     found = []
     if (delay := late_of(result)) is not None:
         way = "late" if delay.seconds > 0.0 else "early"
-        found.append(f"the reference is {1e3 * abs(delay.seconds):.3g} ms {way}")
+        size = plus_minus(1e3 * abs(delay.seconds), 1e3 * delay.error)
+        found.append(f"the reference is {size} ms {way}")
     if _moved(result):
         found.append("the zero moved between the runs")
     if result.gain_test is not None and result.gain_test.changes:

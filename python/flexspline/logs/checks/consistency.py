@@ -112,10 +112,8 @@ DIRECTION = 0.001
 
 DRIVE = ("motor_torque", "motor_current")
 
-MOVED = (
-    *("output_position", "output_velocity", "output_acceleration"),
-    *("motor_position", "motor_velocity"),
-)
+MOVED = ("output_position", "output_velocity", "output_acceleration", "motor_position",
+         "motor_velocity")  # fmt: skip
 """Channels that move together where a motion is late."""
 
 SENSOR = "sensor_torque"
@@ -1258,13 +1256,13 @@ def _early_torque(
         return
     if channel not in DRIVE and not _is_all(log, channel, motion, reading, early):
         return
-    late = _late_position(log, "output_position", replace(early, seconds=-early.seconds))
+    late = replace(early, seconds=-early.seconds)
     if channel not in DRIVE:
-        yield late
+        yield _late_position(log, "output_position", late)
         return
-    said = late.sentence.replace("the torque:", f"{channel}:").rstrip(".")
-    said += ", or the gear twists under friction at the output."
-    yield replace(late, severity="note", sentence=said, remedy=f"If it is late, a{late.remedy[1:]}")
+    twists = ", or the gear twists under friction at the output"
+    found = _late_position(log, "output_position", late, behind=channel, unless=twists)
+    yield replace(found, severity="note", remedy=f"If it is late, a{found.remedy[1:]}")
 
 
 def _friction_of_place(log: Log, motion: Motion, direction: Array) -> Array:
@@ -1303,8 +1301,15 @@ def _late_drive(log: Log, channel: str, late: Delay, others: str = "") -> Findin
     )
 
 
-def _late_position(log: Log, channel: str, late: Delay, others: str = "") -> Finding:
-    """Return the fault of a motion that is late behind the torque that it follows from."""
+def _late_position(
+    log: Log,
+    channel: str,
+    late: Delay,
+    others: str = "",
+    behind: str = "the torque",
+    unless: str = "",
+) -> Finding:
+    """Return the fault of a motion that is late behind a torque; `unless`: what else may be."""
     asked = " with ".join(f"shift={name}:{late.seconds:.3g}" for name in MOVED if name in log)
     return Finding(
         POSITION_DELAY,
@@ -1313,9 +1318,9 @@ def _late_position(log: Log, channel: str, late: Delay, others: str = "") -> Fin
         (0, len(log)),
         late.seconds,
         "s",
-        f"{channel} is {_milliseconds(late.seconds, late.error)} late against the torque: "
+        f"{channel} is {_milliseconds(late.seconds, late.error)} late against {behind}: "
         f"its encoder, its filter or its bus delays it, and friction seems to turn over before the "
-        f"joint does.{others}",
+        f"joint does{unless}.{others}",
         f"Ask for the repair {asked}, for all channels of the motion.",
     )
 
