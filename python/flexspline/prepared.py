@@ -5,8 +5,9 @@ longer explain looks for another effect. A regressor that is replaced by what th
 one expect of it, E[x | recorded], leaves no such bias (regression calibration:
 [Carroll2006]). Of a channel whose noise is flat that is the channel smoothed up to
 where its signal exceeds the noise (`logs/channel_noise.py`). Position, velocity and acceleration of
-the output are one smoothed motion, from the channel that tells the velocity best. The target is
-never smoothed.
+the output are one smoothed motion, from the channel that tells the velocity best; so they are where
+a position turns faster than its rows tell, for what those rows are off there has to be known. The
+target is never smoothed.
 """
 
 from __future__ import annotations
@@ -259,13 +260,15 @@ def preparations_for(
 def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Iterable[Preparation]:
     """The output's motion: derivatives first, since they are those of the position as recorded."""
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position is None or not (position.noisy or bandwidth is not None):
+    quieter = position is not None and velocity is not None and _quieter(velocity, position)
+    coarse = position is not None and position.coarse and not quieter
+    if position is None or not (position.noisy or coarse or bandwidth is not None):
         if velocity is not None and velocity.noisy:  # an angle without noise tells it better
             told = velocity.smoother() if position is None else position.smoother(1)
             source = VELOCITY if position is None else POSITION
             yield Preparation(VELOCITY, source, bandwidth or told)
         return
-    if velocity is not None and _quieter(velocity, position):
+    if velocity is not None and quieter:
         yield Preparation(ACCELERATION, VELOCITY, bandwidth or velocity.smoother(1))
         if velocity.noisy or bandwidth is not None:
             yield Preparation(VELOCITY, VELOCITY, bandwidth or velocity.smoother())

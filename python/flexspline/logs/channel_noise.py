@@ -102,6 +102,11 @@ class ChannelNoise:
         return self.bandwidth < 0.25 * self.rate and self.noise > NEGLIGIBLE * self.spread
 
     @property
+    def coarse(self) -> bool:
+        """Whether the signal has frequencies beyond those that a smoother can keep."""
+        return self.bandwidth >= 0.25 * self.rate and self.noise > NEGLIGIBLE * self.spread
+
+    @property
     def slope(self) -> float:
         """RMS of how fast the signal changes, unit / s."""
         floor = 2.0 * self.noise**2 / self.rate
