@@ -16,6 +16,7 @@ from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import (
     BY_FUNCTIONS,
+    BY_MODE,
     BY_NAMES,
     BY_PLACE,
     BY_RUN,
@@ -38,8 +39,9 @@ from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
-from flexspline.orders import Vibration, find_orders
+from flexspline.orders import Mode, Vibration, excited, find_orders
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
+from flexspline.prepared import ACCELERATION
 from flexspline.regression.candidate_model import held_out, rmse_error, rmse_of
 from flexspline.regression.gram import TINY, by_runs, left_by
 
@@ -255,7 +257,7 @@ def _left_over(
     made: Analysis, steps: list[float], own: float
 ) -> tuple[Unexplained, NoiseFloor] | None:
     """What is unexplained, by what tells most of it."""
-    found = [_unexplained(made, steps, own), _by_run(made, steps, own)]
+    found = [by(made, steps, own) for by in (_unexplained, _by_run, _by_mode)]
     best = min((one for one in found if one), key=lambda one: one[1].rmse, default=None)
     return best or _again(made, steps, own)
 
@@ -289,11 +291,46 @@ def _by_run(
     found = differing(problem, made.final) if len(problem.runs) > 1 else None
     if found is None:
         return None
-    left = 1.0 - found.share
-    fall = found.share * steps[-1] ** 2
+    share, floor = _without(found.share, steps, own, BY_RUN)
+    return Unexplained(share, ("run",), found.effects), floor
+
+
+def _by_mode(
+    made: Analysis, steps: list[float], own: float
+) -> tuple[Unexplained, NoiseFloor] | None:
+    """The mode that the motion or the load excites, if it is much of what is left; and the floor.
+
+    It rings on in rows that do not count.
+    """
+    problem = made.context.problem
+    left = [
+        run.target - made.final.predict(problem, number) for number, run in enumerate(problem.runs)
+    ]
+    known = {way.channel: way.bandwidth for way in problem.preparations}
+    found: dict[str, Mode] = {}
+    for channel in (ACCELERATION, problem.known_load or ""):
+        pieces = [
+            (run.log["time"][first:last], run.log[channel][first:last], values[first:last])
+            for run, values in zip(problem.runs, left, strict=True)
+            if channel in run.log
+            for first, last in run.whole or run.unbroken
+        ]
+        whole = [piece for piece in pieces if all(np.isfinite(part).all() for part in piece)]
+        mode = excited(whole, known.get(channel, np.inf))
+        if mode is not None and mode.share > SETTINGS.little:
+            found[channel] = mode
+    if not found:
+        return None
+    channel, mode = max(found.items(), key=lambda one: one[1].share)
+    share, floor = _without(mode.share, steps, own, BY_MODE)
+    return Unexplained(share, (channel,), rings=mode.frequency), floor
+
+
+def _without(part: float, steps: list[float], own: float, by: str) -> tuple[float, NoiseFloor]:
+    """Share of the gap's mean square and the floor, where `part` of the last step's is no noise."""
+    fall, left = part * steps[-1] ** 2, float(np.sqrt(1.0 - part))
     share = fall / max(steps[0] ** 2 - steps[-1] ** 2 + fall, TINY)
-    floor = NoiseFloor(float(np.sqrt(left)) * steps[-1], float(np.sqrt(left)) * own, BY_RUN)
-    return Unexplained(float(min(share, 1.0)), ("run",), found.effects), floor
+    return float(min(share, 1.0)), NoiseFloor(left * steps[-1], left * own, by)
 
 
 def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained, NoiseFloor] | None:

@@ -235,12 +235,13 @@ class NoiseFloor:
     by: str
 
 
-BY_FUNCTIONS, BY_PLACE, BY_RUN = "functions", "place", "run"
+BY_FUNCTIONS, BY_PLACE, BY_RUN, BY_MODE = "functions", "place", "run", "mode"
 BY_NAMES, BY_ENCODER = "names", "encoder"
 BOUNDS = {
     BY_FUNCTIONS: "what is left beside functions of the channels",
     BY_PLACE: "what is left beside what comes again at the same place in other folds",
     BY_RUN: "what is left with sizes of each run's own",
+    BY_MODE: "what is left beside a mode that rings",
     BY_NAMES: "what is left: neither functions of the channels nor places lower it held out",
     BY_ENCODER: "what the encoder resolves",
 }
@@ -253,11 +254,13 @@ class Unexplained:
 
     The squares are those of whitened residuals: slow noise does not hide what is left.
     `depends_on`: channels, or "run" where effects of the model differ between the runs: `differs`.
+    `rings`: Hz, of a mode that the channel excites.
     """
 
     share_of_variance: float
     depends_on: tuple[str, ...]
     differs: tuple[str, ...] = ()
+    rings: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -51,8 +51,10 @@ from flexspline.orders.spectrum import (
 )
 from flexspline.orders.vibrations import (
     Competition,
+    Mode,
     Vibration,
     compete,
+    excited,
     one_speed,
 )
 
@@ -62,11 +64,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FoundOrder",
+    "Mode",
     "OrderAnalysis",
     "OrderSpectrum",
     "Pair",
     "TimeSpectrum",
     "Vibration",
+    "excited",
     "find_orders",
     "order_spectrum",
     "pairs",

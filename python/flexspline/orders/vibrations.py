@@ -40,7 +40,7 @@ from flexspline.orders.scan import (
 )
 from flexspline.orders.spectrum import NYQUIST, Stretch, step_turns
 
-__all__ = ["Competition", "Vibration", "compete", "one_speed"]
+__all__ = ["Competition", "Mode", "Piece", "Vibration", "compete", "excited", "one_speed"]
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,19 @@ leaves behind is no line there, and more than the floor."""
 
 STRONGEST = 0.2  # of the strongest line of a round: weaker ones may be its leakage
 STEADY = 0.05  # spread of the speeds of what counts as one speed, as in `logs/segments.py`
+PEAK = 4.0
+"""Times |H|² an octave beside it, that a mode has: those with a damping ratio of up to 0.16 do. Of
+what errs otherwise it is 1."""
+
+SEGMENT = 4.0  # s, of which spectra are averaged: a mode of a hertz rings that often in it
+SLOWEST = 4.0  # periods in a segment, above which a mode is looked for
+OCTAVE = np.sqrt(2.0)  # either way of a frequency
+
 MOST = 50  # lines of one kind
 _MOST_SCANNED = 5_000_000  # frequencies, 0.1 kB each: of one hour at 1 kHz, all
 _CYCLES = 1.5  # in a stretch, below which a vibration cannot be told from a trend
 _CHUNK = 1 << 15
+TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -84,6 +93,21 @@ class Vibration:
     speeds: tuple[float, float]
     seen: int
     of: int
+
+
+@dataclass(frozen=True)
+class Mode:
+    """What follows an input through a resonance at `frequency` [Hz].
+
+    `share`: of the mean square of the values, which within an octave around it follows the input.
+    """
+
+    frequency: float
+    share: float
+
+
+Piece = tuple[Array, Array, Array]
+"""Time [s], input and values, (N,) each, without a gap."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +183,48 @@ def compete(
         tuple(over_angle.floors),
         (min(part.lowest for part in timed), top),
     )
+
+
+def excited(pieces: Sequence[Piece], highest: float) -> Mode | None:
+    """Return the mode that an input excites in values; None where none peaks, or pieces are short.
+
+    Parameters
+    ----------
+    pieces : of one input.
+    highest : Hz, up to which the input is known.
+    """
+    spectra = [_spectra(*piece) for piece in pieces if len(piece[0]) and np.ptp(piece[0]) > SEGMENT]
+    if not spectra:
+        return None
+    common = min(made.shape[1] for made, _ in spectra)
+    counts = [number for _, number in spectra]
+    mean = np.average([made[:, :common] for made, _ in spectra], axis=0, weights=counts)
+    own, all_power, shared = mean[0].real, mean[1].real, np.abs(mean[2]) ** 2
+    gain, at, count = shared / np.maximum(own, TINY) ** 2, np.arange(common) / SEGMENT, sum(counts)
+    chance = 1.0 / max(count, 2)
+    coherence = shared / np.maximum(own * all_power, TINY)
+    power = np.maximum(coherence - chance, 0.0) / (1.0 - chance) * all_power
+    looked_at = (at >= SLOWEST / SEGMENT) & (at <= min(highest, at[-1] / 2.0))
+    if not looked_at.any() or not all_power.any():
+        return None
+    peak = float(at[np.argmax(np.where(looked_at, power, 0.0))])
+    near = (at > peak / OCTAVE) & (at < peak * OCTAVE)
+    sides = [(0.5 * peak, peak / OCTAVE), (peak * OCTAVE, 2.0 * peak)]
+    beside = max(float(np.median(gain[(at >= low) & (at <= high)])) for low, high in sides)
+    if gain[at == peak][0] < PEAK * beside:
+        return None
+    return Mode(peak, float(power[near].sum() / all_power.sum()))
+
+
+def _spectra(time: Array, given: Array, values: Array) -> tuple[NDArray[np.complex128], int]:
+    """S_xx, S_yy and S_xy (3, F) at multiples of 1 / SEGMENT, and of how many segments."""
+    from scipy.signal import csd
+
+    step = float(np.median(np.diff(time)))
+    length = round(SEGMENT / step)
+    pairs = ((given, given), (values, values), (given, values))
+    made = np.array([csd(x, y, 1.0 / step, nperseg=length)[1] for x, y in pairs])
+    return made, (len(time) - length) // (length - length // 2) + 1
 
 
 def one_speed(parts: Sequence[Stretch]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexspline.comparison.result import sentences as gap_sentences
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
-from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES, BY_RUN
+from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_MODE, BY_NAMES, BY_RUN
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
@@ -224,6 +224,8 @@ def _nothing_named(made: Discovery, said: str, other: str) -> tuple[str, str]:
     if made.unexplained and made.unexplained.differs:
         own = listed(made.unexplained.differs)
         return f"{said[0].upper()}{said[1:]} needs a size of {own} for each run", floor
+    if made.unexplained and made.unexplained.rings:
+        return f"{said[0].upper()}{said[1:]} lacks a mode at {made.unexplained.rings:.3g} Hz", floor
     if made.unexplained and not little:
         return f"No effect that is known explains what{other} {said} lacks", ""
     if made.doubted:
@@ -333,6 +335,11 @@ def floor_sentence(made: Discovery) -> str:
     if made.floor.by == BY_RUN:
         differs = listed(made.unexplained.differs)
         return f"Noise floor: at most {most} {made.unit}, with a size of {differs} for each run."
+    if made.floor.by == BY_MODE:
+        return (
+            f"Noise floor: at most {most} {made.unit}, without what follows {by} at "
+            f"{made.unexplained.rings:.3g} Hz."
+        )
     told = (
         f"functions of {by} leave" if made.floor.by == BY_FUNCTIONS
         else f"rows of other {folds} at the same {by} leave"
@@ -507,6 +514,13 @@ def unexplained_sentence(made: Discovery) -> str:
             f"Unexplained: {share:.0f} % of the gap above the noise floor. No one size of "
             f"{listed(names)} suits all runs, as with another payload, mounting or zero in some: "
             f"fit a size for each run (--per-run {','.join(names)}), or give runs that are alike."
+        )
+    if made.unexplained.rings:
+        return (
+            f"Unexplained: {share:.0f} % of the gap above the noise floor. A mode at "
+            f"{made.unexplained.rings:.3g} Hz rings where {made.unexplained.depends_on[0]} excites "
+            "it. No effect of the catalogue does that: look at the arm of the load, the "
+            "couplings and the bench, or move so smoothly that nothing there rings."
         )
     weighed = "" if made.by == "simulation" else " after prewhitening"
     what = f"{share:.0f} % of the gap above the noise floor{weighed}, depends on"
