@@ -8,12 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 from confounded_logs import RIGS
+from driven_joint import driven, strokes
 from recorded_joint import LOAD, base, recorded
 
 import flexspline
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.result import Discovery
 from flexspline.effects import effect
+from flexspline.logs.checks.ends import resting
 from flexspline.logs.log import Log
 
 TAIL, HOMING, ROWS = 400, 150, 2000
@@ -64,6 +66,16 @@ def test_rows_left_out_are_counted_by_reason() -> None:
     assert rows["in a homing move"] == HOMING
     assert sum(rows.values()) == RUNS * ROWS
     assert not {"in a stuck tail", "in a homing move"} & found("sound").rows.keys()
+
+
+def test_a_drive_rests_by_its_log_as_recorded_however_its_motion_is_smoothed() -> None:
+    """It rested where the smoothed motion did: more rows than were left out, the others -443."""
+    stops = [np.append(part, np.full(1500, part[-1])) for part in np.array_split(strokes(), 4)]
+    log = driven(np.concatenate(stops), 0.0, inertia=0.6, bits=10, every=40)
+    plain = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
+    rows = flexspline.discover(plain, log, target="motor_torque").rows
+    assert rows["at rest"] == np.count_nonzero(resting(log)) > 50
+    assert sum(rows.values()) == len(log) and min(rows.values()) > 0
 
 
 def test_the_headline_counts_the_rows_that_the_error_is_of() -> None:

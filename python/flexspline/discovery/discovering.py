@@ -252,7 +252,7 @@ def _by_regression(
     else:
         recorded = _Recorded.of(runs, task)
         held = recorded.confirmed(recorded.analysed(free), free)
-    rows = _rows(recordings, target, held.made)
+    rows = _rows(recordings, recorded.logs, held.made)
     made = assembled(held, faults, tuple(inputs.values()), rows, limits)
     final = held.made.final
     base = {e.info.name: e.harmonics for e in final.effects if isinstance(e, OfBase)}
@@ -630,12 +630,15 @@ def _counts(recordings: Sequence[Kept]) -> Counter[str]:
     return counts
 
 
-def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, int]:
-    """How many rows the model was fitted to, and how many were left out for which reason."""
-    runs = made.context.problem.runs
-    used = sum(run.counted for run in runs)
+def _rows(recordings: Sequence[Kept], logs: Sequence[Log], made: Analysis) -> dict[str, int]:
+    """How many rows the model was fitted to, and how many were left out for which reason.
+
+    `logs`: as they were before their inputs were made: by these a drive rests, smoothed or not.
+    """
+    problem = made.context.problem
+    used = sum(run.counted for run in problem.runs)
     recorded = sum(len(kept.rows) for kept in recordings)
-    moving = at_work([run.log for run in runs], target)
+    moving = at_work(logs, problem.target)
     rest = 0 if moving is None else sum(int(np.count_nonzero(~one)) for one in moving)
     blurred = "where the motion is not resolved, or what came before is not known"
     found = {**_counts(recordings), "at rest": rest, blurred: recorded - rest - used}
