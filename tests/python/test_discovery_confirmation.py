@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from driven_joint import driven, strokes, waves
 from fit_logs import WIDTH, motion, simulated
 from numpy.typing import NDArray
 from recorded_joint import LOAD, VISCOUS, base, exact, recorded, runs
@@ -18,10 +19,12 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline.discovery import analysis, confirmation
+from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
 from flexspline.discovery.result import FORMED, LESSER, UNLIKELY, UNSETTLED, Discovery
 from flexspline.discovery.settings import SETTINGS
+from flexspline.discovery.unexplained import Repeated
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
 from flexspline.effects.causes import LAG
@@ -441,6 +444,33 @@ def test_no_name_stands_beside_more_that_is_unexplained(
     held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each][:kept]
     assert refused == ({} if kept else dict.fromkeys(each, LESSER))
+
+
+@pytest.mark.parametrize(("again", "after", "kept"), [(17.0, 8.0, True), (18.0, 8.0, False),
+                                                      (13.0, 3.0, True), (0.0, 8.0, True)])  # fmt: skip
+def test_what_comes_again_at_the_same_place_is_unexplained_too(
+    again: float, after: float, kept: bool
+) -> None:
+    made: Any = SimpleNamespace(
+        before=SimpleNamespace(rmse=9.0),
+        after=SimpleNamespace(rmse=after),
+        unexplained=0.0,
+        again=Repeated(again, 0.1, ("output_position",)) if again else None,
+    )
+    answers: Any = Analysis.answers
+    assert answers.fget(made) is kept
+
+
+def test_coarse_quanta_of_a_torque_are_no_ripple() -> None:
+    """Steps of 2 Nm were orders 7 and 11 at 99 %, for 0.002 of 0.625 Nm."""
+    logs = []
+    for seed, angle in enumerate((strokes(), waves(), waves()[::-1].copy(), strokes(20.0))):
+        log = driven(angle, 0.0, inertia=0.6, bits=17, seed=seed)
+        torque = 2.0 / 80.0 * np.round(log["motor_torque"] * 80.0 / 2.0)
+        logs.append(log.with_columns({"motor_torque": torque}, note="quanta"))
+    base = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
+    made = flexspline.discover(base, logs, target="motor_torque")
+    assert made.names == () and made.unexplained is not None
 
 
 def test_of_names_that_raise_the_error_that_goes_first_without_which_it_is_lowest(

@@ -34,7 +34,14 @@ from flexspline.discovery.evidence import (
 )
 from flexspline.discovery.search import FEW_PLACES, SearchContext, Searcher, form_of, freedom
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.unexplained import ExplainableBound, Leftover, leftover_of, looked_at
+from flexspline.discovery.unexplained import (
+    ExplainableBound,
+    Leftover,
+    Repeated,
+    leftover_of,
+    looked_at,
+    repeated,
+)
 from flexspline.effects import Effect, Harmonic
 from flexspline.effects.causes import COGGING, GRAVITY, OUTPUT_RIPPLE, WAVE_GENERATOR_RIPPLE
 from flexspline.errors import listed
@@ -391,11 +398,18 @@ class Analysis:
         """As `unexplained_by`, of the final model."""
         return unexplained_by(self.part, self.base, self.final, self.whitening, self.leftover)
 
+    @cached_property
+    def again(self) -> Repeated | None:
+        """What comes again at the same place in other folds, of what the final model leaves."""
+        return repeated(self.after)
+
     @property
     def answers(self) -> bool:
         """Whether names explain more than is left unexplained, or nearly all of the target."""
-        left = (self.after.rmse / self.before.rmse) ** 2 if self.before.rmse > 0.0 else 1.0
-        return self.unexplained <= 0.5 or left <= 1.0 - SETTINGS.most
+        before, after = self.before.rmse**2, self.after.rmse**2
+        if after <= (1.0 - SETTINGS.most) * before and before > 0.0:
+            return True
+        return self.unexplained <= 0.5 and (self.again is None or self.again.fall <= before - after)
 
     def closes_most(self, name: str) -> bool:
         """As `closes_most`, of a name of the final model."""

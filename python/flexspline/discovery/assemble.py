@@ -28,7 +28,7 @@ from flexspline.discovery.result import (
 )
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
-from flexspline.discovery.unexplained import differing, repeated
+from flexspline.discovery.unexplained import differing
 from flexspline.effects import UNITS, Effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION, GRAVITY, ONE_SINE
 from flexspline.errors import InputError, listed
@@ -335,7 +335,7 @@ def _without(part: float, steps: list[float], own: float, by: str) -> tuple[floa
 
 def _again(made: Analysis, steps: list[float], own: float) -> tuple[Unexplained, NoiseFloor] | None:
     """What comes again at the same place in other folds, if it matters; and the floor below it."""
-    again = repeated(made.after)
+    again = made.again
     if again is None:
         return None
     scale = (steps[-1] / made.after.rmse) ** 2  # of what the search left to what the fit leaves

@@ -51,8 +51,8 @@ from flexspline.regression.gram import (
     thinned,
 )
 
-__all__ = ["ExplainableBound", "Leftover", "differing", "kept", "leftover_in", "leftover_of",
-           "looked_at", "repeated"]  # fmt: skip
+__all__ = ["ExplainableBound", "Leftover", "Repeated", "differing", "kept", "leftover_in",
+           "leftover_of", "looked_at", "repeated"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
