@@ -126,6 +126,19 @@ def test_inertia_of_sharp_strokes_behind_16_bit_is_within_its_interval() -> None
     assert abs(np.mean(off)) < 1.0
 
 
+@pytest.mark.parametrize(("every", "bits"), [(10, 15), (20, 17), (20, 19), (40, 15), (80, 17)])
+def test_noise_that_is_left_in_an_acceleration_counts_in_the_error_of_an_inertia(
+    every: int, bits: int
+) -> None:
+    """It takes 1 to 5 % off the inertia of strokes, which were three to eight standard errors."""
+    logs = [
+        driven(angle, 0.0, inertia=0.6, bits=bits, seed=seed, every=every)
+        for seed, angle in enumerate((strokes(), strokes(20.0)))
+    ]
+    inertia = flexspline.fit(PLAIN, logs, "motor_torque").params["inertia.inertia"]
+    assert abs(inertia.value - 0.6) < 2.0 * inertia.standard_error < 0.1
+
+
 @pytest.mark.parametrize("recorded", [False, True])
 def test_strokes_that_rows_are_few_for_make_no_effect(recorded: bool) -> None:
     """At 62.5 Hz a ramp has two to six rows; 0.8 Nm were left of 0.2 of noise, and presliding."""
@@ -141,7 +154,7 @@ def test_strokes_that_rows_are_few_for_make_no_effect(recorded: bool) -> None:
     assert not made.found and made.unexplained is None and made.final_rmse < 0.26
     assert made.rows["where the motion is not resolved, or what came before is not known"] > 200
     inertia = flexspline.fit(PLAIN, logs, "motor_torque").params["inertia.inertia"]
-    assert abs(inertia.value - 0.6) < 3.0 * inertia.standard_error < 0.01
+    assert abs(inertia.value - 0.6) < min(0.005, 2.0 * inertia.standard_error)
 
 
 @pytest.mark.parametrize(("bits", "known"), [(14, False), (16, True), (19, True)])

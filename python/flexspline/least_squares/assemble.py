@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.effects import Effect, unit_in
-from flexspline.effects.causes import LOAD_SCALES
+from flexspline.effects.causes import INERTIA, LOAD_SCALES
 from flexspline.errors import InputError
 from flexspline.formatting import plus_minus, short, short_names
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
@@ -59,6 +59,7 @@ from flexspline.least_squares.problem import (
     Run,
     columns_of,
     memory_warnings,
+    noise_of_acceleration,
     noise_of_load,
     target_range,
     unresolved_speed,
@@ -249,7 +250,9 @@ def assembled(
         they decide on names.
     """
     (uncertainty, delay), validation = together(
-        problem.threads, lambda: _errors(made, late, blurred), lambda: cross_validate(made)
+        problem.threads,
+        lambda: _errors(made, late, inputs if blurred else None),
+        lambda: cross_validate(made),
     )
     held_out_residuals = validation.residuals
     if late is not None:
@@ -331,23 +334,53 @@ def assembled(
 
 
 def _errors(
-    made: Estimate, late: LateLoad | None, blurred: bool
+    made: Estimate, late: LateLoad | None, inputs: Sequence[ChannelNoise] | None
 ) -> tuple[Uncertainty, Delay | None]:
-    """Errors of the parameters, and the delay of the load with its own."""
+    """Errors of the parameters, and the delay of the load with its own.
+
+    `inputs`: noise of each channel; None where what a smoothed motion does to them is left out.
+    """
     if late is None:
-        own = _moved_by_load(made, made.uncertainty)
-        return _blurred(made, own) if blurred else own, None
+        return _moved(made, made.uncertainty, inputs), None
     whole = uncertainty_of(made, late.columns)
     freedom = whole.degrees_of_freedom
     shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])
-    shape = _moved_by_load(made, shape)
     error = float(whole.standard_errors[-1])
     counts = [counts_of(run) for run in made.tangent.problem.runs]
     makes = np.concatenate([late.of(k)[rows] for k, rows in enumerate(counts)])
     rms = float(np.sqrt(np.mean(makes**2)))
-    return _blurred(made, shape) if blurred else shape, Delay(
-        late.channel, late.seconds, error, rms
-    )
+    return _moved(made, shape, inputs), Delay(late.channel, late.seconds, error, rms)
+
+
+def _moved(
+    made: Estimate, uncertainty: Uncertainty, inputs: Sequence[ChannelNoise] | None
+) -> Uncertainty:
+    """The errors, with what noisy regressors do to the coefficients."""
+    found = _moved_by_load(made, uncertainty)
+    if inputs is None:
+        return found
+    found = _blurred(made, found)
+    return replace(found, core=found.core + _attenuation(made, uncertainty, inputs))
+
+
+def _attenuation(made: Estimate, uncertainty: Uncertainty, inputs: Sequence[ChannelNoise]) -> Array:
+    """What noise that is left in a derived acceleration adds to the covariance's core, (R, R).
+
+    It adds its own squares V to those S of the acceleration beside the other rows, which moves an
+    inertia J by −J V / S, and so all. The square of that counts, and the estimate is not moved: the
+    noise of an encoder is white in the mean of many motions, and in one of them more or less.
+    """
+    names = [made.names[k].split(".")[0] for k in made.fitted]
+    if INERTIA not in names:
+        return np.zeros_like(uncertainty.core)
+    by, place = made.denominator, names.index(INERTIA)
+    problem, along = made.tangent.problem, uncertainty.basis[place]
+    if by is not None:
+        along = uncertainty.core @ along / uncertainty.noise.innovation_variance
+    rows = sum(run.counted for run in problem.runs)
+    noise = rows * noise_of_acceleration(problem, inputs, np.ones(1) if by is None else by)
+    moved = made.linear.coefficients[made.fitted[place]] * noise
+    return np.asarray(moved**2 * np.outer(along, along))
 
 
 def _moved_by_load(made: Estimate, uncertainty: Uncertainty) -> Uncertainty:

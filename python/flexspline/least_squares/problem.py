@@ -40,12 +40,13 @@ from flexspline.effects import Effect, require_effects
 from flexspline.effects.causes import BASIC_FRICTION
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import LocalFit, require_bandwidth, response
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
-from flexspline.prepared import MOTION, VELOCITY, Preparation, prepared
+from flexspline.prepared import ACCELERATION, MOTION, VELOCITY, Preparation, prepared
 from flexspline.signals import (
     Carried,
     channels_for,
@@ -70,6 +71,7 @@ __all__ = [
     "joined_ranges",
     "kept_rows",
     "memory_warnings",
+    "noise_of_acceleration",
     "noise_of_load",
     "own_basis_of",
     "problem_of",
@@ -727,6 +729,29 @@ def noise_of_load(problem: Problem, denominator: Array, decimation: int = 1) -> 
     left = np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2
     unit = torque_of_current(log, known) if problem.target == "motor_current" else 1.0
     return float(2.0 * problem.scatter**2 / log.rate / unit * np.trapezoid(gain * left, frequency))
+
+
+def noise_of_acceleration(
+    problem: Problem, inputs: Sequence[ChannelNoise], denominator: Array
+) -> float:
+    """Return the mean square that noise leaves in an acceleration that is made, (rad/s²)²; else 0.
+
+    Of a source of which it is the k-th derivative, with white noise of RMS n at a rate, behind the
+    smoother G and a filter A of the rows
+
+        v = ∫ S (2πf)^2k G² |A|² df,  S = 2 n² / rate
+    """
+    way = next((way for way in problem.preparations if way.channel == ACCELERATION), None)
+    noise = next((one for one in inputs if way is not None and one.channel == way.source), None)
+    if way is None or noise is None:
+        return 0.0
+    rate = problem.runs[0].log.rate
+    frequency = np.linspace(0.0, 0.5 * rate, FREQUENCIES)
+    order = 2 if way.source.endswith("position") else 1
+    passed = (2.0 * np.pi * frequency) ** order * response(frequency, way.bandwidth)
+    late = np.outer(frequency, np.arange(len(denominator))) / rate
+    left = np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2
+    return float(2.0 * noise.noise**2 / rate * np.trapezoid(passed**2 * left, frequency))
 
 
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
