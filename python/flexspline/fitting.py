@@ -358,12 +358,11 @@ def held_out_near(
     `fit_near`.
     """
     from flexspline.least_squares.estimate import newton
-    from flexspline.least_squares.validation import cross_validate
 
     _, made = _solved_near(problem, effects, fixed, bounds)
     if like is not None and like.generalised and like.solved is not None:
         made = newton(replace(made, denominator=like.solved.denominator)) or made
-    return cross_validate(made).residuals
+    return made.validation.residuals
 
 
 def _solved_near(

@@ -72,7 +72,7 @@ from flexspline.least_squares.uncertainty import (
     Uncertainty,
     parameter_uncertainty,
 )
-from flexspline.least_squares.validation import cross_validate, scores_of
+from flexspline.least_squares.validation import scores_of
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.model import Model, Part
 from flexspline.parallel import together
@@ -140,7 +140,7 @@ def _same(plain: Estimate, other: Estimate, of_plain: Uncertainty, of_other: Unc
 
 def _left_out(made: Estimate) -> float:
     """RMS of what a fit to the others leaves of each fold."""
-    residuals = np.concatenate(cross_validate(made).residuals)
+    residuals = np.concatenate(made.validation.residuals)
     return float(np.sqrt(np.nanmean(residuals**2)))
 
 
@@ -252,7 +252,7 @@ def assembled(
     (uncertainty, delay), validation = together(
         problem.threads,
         lambda: _errors(made, late, inputs if blurred else None),
-        lambda: cross_validate(made),
+        lambda: made.validation,
     )
     held_out_residuals = validation.residuals
     if late is not None:

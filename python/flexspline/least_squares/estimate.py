@@ -38,6 +38,7 @@ from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filte
 
 if TYPE_CHECKING:
     from flexspline.least_squares.uncertainty import Uncertainty
+    from flexspline.least_squares.validation import Validation
 
 __all__ = [
     "Estimate",
@@ -98,6 +99,13 @@ class Estimate:
         from flexspline.least_squares.assemble import uncertainty_of
 
         return uncertainty_of(self)
+
+    @cached_property
+    def validation(self) -> Validation:
+        """What fits to the other folds leave of each; made once."""
+        from flexspline.least_squares.validation import cross_validate
+
+        return cross_validate(self)
 
     def bare(self) -> Estimate:
         """Return the estimate without what was kept to search faster."""
