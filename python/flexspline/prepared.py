@@ -5,9 +5,9 @@ longer explain looks for another effect. A regressor that is replaced by what th
 one expect of it, E[x | recorded], leaves no such bias (regression calibration:
 [Carroll2006]). Of a channel whose noise is flat that is the channel smoothed up to
 where its signal exceeds the noise (`logs/channel_noise.py`). Position, velocity and acceleration of
-the output are one smoothed motion, from the channel that tells the velocity best; so they are where
-a position turns faster than its rows tell, for what those rows are off there has to be known. The
-target is never smoothed.
+the output are one smoothed motion, from the channel that tells the velocity best. So they are, too,
+where a position has frequencies beyond those that its rows tell: which rows that spoils has to be
+known, for they do not count. The target is never smoothed.
 """
 
 from __future__ import annotations

@@ -725,8 +725,7 @@ def noise_of_load(problem: Problem, denominator: Array, decimation: int = 1) -> 
     passed = [way.bandwidth for way in problem.preparations if way.channel == known]
     passed += [problem.lowpass] * 2 if problem.lowpass else []  # of target and columns
     gain = np.prod([np.ones_like(frequency), *(response(frequency, b) for b in passed)], axis=0)
-    late = np.outer(frequency, np.arange(len(denominator))) * decimation / log.rate
-    left = np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2
+    left = _squared_gain(denominator, frequency, log.rate / decimation)
     unit = torque_of_current(log, known) if problem.target == "motor_current" else 1.0
     return float(2.0 * problem.scatter**2 / log.rate / unit * np.trapezoid(gain * left, frequency))
 
@@ -749,9 +748,14 @@ def noise_of_acceleration(
     frequency = np.linspace(0.0, 0.5 * rate, FREQUENCIES)
     order = 2 if way.source.endswith("position") else 1
     passed = (2.0 * np.pi * frequency) ** order * response(frequency, way.bandwidth)
-    late = np.outer(frequency, np.arange(len(denominator))) / rate
-    left = np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2
+    left = _squared_gain(denominator, frequency, rate)
     return float(2.0 * noise.noise**2 / rate * np.trapezoid(passed**2 * left, frequency))
+
+
+def _squared_gain(denominator: Array, frequency: Array, rate: float) -> Array:
+    """|A|² of a filter of rows at a rate, at frequencies, all in Hz."""
+    late = np.outer(frequency, np.arange(len(denominator))) / rate
+    return np.asarray(np.abs(np.exp(-2j * np.pi * late) @ denominator) ** 2)
 
 
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
