@@ -82,6 +82,15 @@ def test_what_rings_is_a_mode_and_no_noise(mode: float, damping: float, load: bo
     assert json.loads(made.to_json())["unexplained"]["rings"] == made.unexplained.rings
 
 
+def test_a_comparison_says_what_rings() -> None:
+    logs = swinging(9.0, 0.02, load=False)
+    model = flexspline.fit(BASE, logs, "motor_torque").model
+    told = [note for note in flexspline.compare(model, logs).notes if " rings at 9 Hz " in note]
+    assert len(told) == 1 and "output_acceleration" in told[0]
+    still = [driven(waves(), 0.0, inertia=0.6, seed=seed) for seed in range(2)]
+    assert not any("rings" in note for note in flexspline.compare(model, still).notes)
+
+
 def test_what_is_missing_is_named_beside_a_mode() -> None:
     base = [name for name in BASE if name != "viscous_friction"]
     made = flexspline.discover(base, swinging(9.0, 0.02, load=False), target="motor_torque")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.formatting import padded
+from flexspline.formatting import padded, percent
 from flexspline.forward import simulate
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
@@ -28,8 +28,9 @@ from flexspline.logs.read import LogLike
 from flexspline.logs.segments import median_step, output_speed
 from flexspline.logs.segments import runs as unbroken
 from flexspline.model import Model, Part, fitted_to, lowpass_remark, part_warnings, range_warnings
+from flexspline.orders import ringing
 from flexspline.part import PART_OF
-from flexspline.prepared import VELOCITY, Preparation, learned, prepared
+from flexspline.prepared import ACCELERATION, VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
 from flexspline.simulator import covered, onto_clock, paired
 
@@ -146,6 +147,7 @@ def predicted(
     runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
     notes = tuple(filter(None, [lowpass_remark(part, lowpass), _seen_by(part, logs, lowpass)]))
     notes += warned(run.warnings for run in runs)
+    notes += _ringing(runs, part, ways)
     if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
         runs, left_out = _resolved(model, part, logs, lowpass, runs)
         notes += left_out
@@ -154,6 +156,24 @@ def predicted(
         runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign,
         notes=notes, inputs=tuple(noise.values()), preparations=tuple(ways), bandwidth=bandwidth,
     )  # fmt: skip
+
+
+def _ringing(
+    runs: Sequence[ComparedRun], part: Part, ways: Sequence[Preparation]
+) -> tuple[str, ...]:
+    """A sentence on the mode that motion or load excite in the residual, if there is one."""
+    known = {way.channel: way.bandwidth for way in ways}
+    asked = filter(None, (ACCELERATION, part.known_load))
+    left = [(run.log, run.residual, unbroken(run.log["time"])) for run in runs]
+    found = ringing(left, {channel: known.get(channel, np.inf) for channel in asked})
+    if found is None:
+        return ()
+    channel, mode = found
+    return (
+        f"{percent(mode.share)} of the gap's mean square rings at {mode.frequency:.3g} Hz where "
+        f"{channel} excites it: a mode that the model has not, which counts as noise here. Look at "
+        "the arm of the load, the couplings and the bench.",
+    )
 
 
 def _seen_by(part: Part, logs: Sequence[Log], lowpass: float | None) -> str:

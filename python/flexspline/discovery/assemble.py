@@ -39,7 +39,7 @@ from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.result import wald
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
-from flexspline.orders import Mode, Vibration, excited, find_orders
+from flexspline.orders import Vibration, find_orders, ringing
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.prepared import ACCELERATION
 from flexspline.regression.candidate_model import held_out, rmse_error, rmse_of
@@ -304,24 +304,15 @@ def _by_mode(
     """
     problem = made.context.problem
     left = [
-        run.target - made.final.predict(problem, number) for number, run in enumerate(problem.runs)
+        (run.log, run.target - made.final.predict(problem, number), run.whole or run.unbroken)
+        for number, run in enumerate(problem.runs)
     ]
     known = {way.channel: way.bandwidth for way in problem.preparations}
-    found: dict[str, Mode] = {}
-    for channel in (ACCELERATION, problem.known_load or ""):
-        pieces = [
-            (run.log["time"][first:last], run.log[channel][first:last], values[first:last])
-            for run, values in zip(problem.runs, left, strict=True)
-            if channel in run.log
-            for first, last in run.whole or run.unbroken
-        ]
-        whole = [piece for piece in pieces if all(np.isfinite(part).all() for part in piece)]
-        mode = excited(whole, known.get(channel, np.inf))
-        if mode is not None and mode.share > SETTINGS.little:
-            found[channel] = mode
-    if not found:
+    asked = filter(None, (ACCELERATION, problem.known_load))
+    found = ringing(left, {channel: known.get(channel, np.inf) for channel in asked})
+    if found is None:
         return None
-    channel, mode = max(found.items(), key=lambda one: one[1].share)
+    channel, mode = found
     share, floor = _without(mode.share, steps, own, BY_MODE)
     return Unexplained(share, (channel,), rings=mode.frequency), floor
 

@@ -56,6 +56,7 @@ from flexspline.orders.vibrations import (
     compete,
     excited,
     one_speed,
+    ringing,
 )
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ __all__ = [
     "find_orders",
     "order_spectrum",
     "pairs",
+    "ringing",
     "time_spectrum",
 ]
 

@@ -20,12 +20,13 @@ would show it: what a strong order leaves behind is a line at one speed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.logs.log import Log
 from flexspline.orders.scan import (
     CLEAR,
     SEPARATE,
@@ -40,7 +41,8 @@ from flexspline.orders.scan import (
 )
 from flexspline.orders.spectrum import NYQUIST, Stretch, step_turns
 
-__all__ = ["Competition", "Mode", "Piece", "Vibration", "compete", "excited", "one_speed"]
+__all__ = ["Competition", "Mode", "Piece", "Vibration", "compete", "excited", "one_speed",
+           "ringing"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -67,6 +69,7 @@ rigs, and a tenth of the rest followed an input, it was 1.3 at most."""
 
 SEGMENT = 4.0  # s, of which spectra are averaged: a mode of a hertz rings that often in it
 SLOWEST = 4.0  # periods in a segment, above which a mode is looked for
+MUCH = 0.1  # of the mean square, that a mode has to make to be worth a word
 OCTAVE = np.sqrt(2.0)  # either way of a frequency
 
 MOST = 50  # lines of one kind
@@ -215,6 +218,31 @@ def excited(pieces: Sequence[Piece], highest: float) -> Mode | None:
     if gain[at == peak][0] < PEAK * beside:
         return None
     return Mode(peak, float(power[near].sum() / all_power.sum()))
+
+
+def ringing(
+    runs: Sequence[tuple[Log, Array, Iterable[Sequence[int]]]], highest: Mapping[str, float]
+) -> tuple[str, Mode] | None:
+    """Return the channel that excites most of what is left, and the mode; None of a small one.
+
+    Parameters
+    ----------
+    runs : log, what is left (N,), and its row ranges without a gap.
+    highest : Hz, up to which a channel is known, by its name; one that a run lacks is passed over.
+    """
+    found: dict[str, Mode] = {}
+    for channel, known in highest.items():
+        pieces = [
+            (log["time"][first:last], log[channel][first:last], left[first:last])
+            for log, left, ranges in runs
+            if channel in log
+            for first, last in ranges
+        ]
+        whole = [piece for piece in pieces if all(np.isfinite(part).all() for part in piece)]
+        mode = excited(whole, known)
+        if mode is not None and mode.share > MUCH:
+            found[channel] = mode
+    return max(found.items(), key=lambda one: one[1].share, default=None)
 
 
 def _spectra(time: Array, given: Array, values: Array) -> tuple[NDArray[np.complex128], int] | None:
