@@ -193,12 +193,10 @@ def test_waves_finer_than_all_functions_come_again_where_they_were(
     assert 0.3 * 0.005 < found.fall < 1.1 * 0.005  # of its mean square
 
 
-def test_what_comes_again_is_a_share_of_the_error_that_is_printed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_comes_again_is_a_share_of_the_error_that_is_printed() -> None:
     """The search leaves 0.107 Nm, the fit 0.061: its noise of 0.05 was a floor of 0.040 Nm."""
-    monkeypatch.setattr(assemble, "repeated", lambda _: Repeated(0.3 * 0.107**2, 1e-4, ("load",)))
     made = SimpleNamespace(
+        again=Repeated(0.3 * 0.107**2, 1e-4, ("load",)),
         after=SimpleNamespace(rmse=0.107),
         context=SimpleNamespace(problem=SimpleNamespace(known_load=None)),
     )
