@@ -14,7 +14,7 @@ from test_discovery_between_runs import BASE, runs
 import flexspline
 from flexspline.discovery.result import BY_MODE
 from flexspline.logs.log import Log
-from flexspline.orders import excited
+from flexspline.orders.vibrations import excited
 
 Array = NDArray[np.float64]
 

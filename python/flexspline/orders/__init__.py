@@ -51,10 +51,8 @@ from flexspline.orders.spectrum import (
 )
 from flexspline.orders.vibrations import (
     Competition,
-    Mode,
     Vibration,
     compete,
-    excited,
     one_speed,
     ringing,
 )
@@ -65,13 +63,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FoundOrder",
-    "Mode",
     "OrderAnalysis",
     "OrderSpectrum",
     "Pair",
     "TimeSpectrum",
     "Vibration",
-    "excited",
     "find_orders",
     "order_spectrum",
     "pairs",

@@ -63,9 +63,9 @@ leaves behind is no line there, and more than the floor."""
 STRONGEST = 0.2  # of the strongest line of a round: weaker ones may be its leakage
 STEADY = 0.05  # spread of the speeds of what counts as one speed, as in `logs/segments.py`
 PEAK = 4.0
-"""Times |H|² an octave beside it, that a mode has: those with a damping ratio of up to 0.18 do, to
-0.27 at half of it and 0.12 at twice. Where friction, loops or ripple were missing in 66 simulated
-rigs, and a tenth of the rest followed an input, it was 1.3 at most."""
+"""Times |H|² an octave beside it, on either side, that a mode has: those with a damping ratio of up
+to 0.18 do, to 0.32 at half of it and 0.12 at twice. Of 60 simulated rigs without one, it was 1.1 at
+most in the four where a tenth of the rest and more followed the acceleration."""
 
 SEGMENT = 4.0  # s, of which spectra are averaged: a mode of a hertz rings that often in it
 SLOWEST = 4.0  # periods in a segment, above which a mode is looked for
